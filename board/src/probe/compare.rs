@@ -17,7 +17,7 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
 
-/// Largest number of lights of the second sampler, which bounds its memory.
+/// Largest number of lights of a set of the second sampler, which bounds the sampler's memory.
 pub const MOST_LIGHTS: usize = 2048;
 
 /// Time without a request after which the second sampler and its memory are released.
@@ -27,22 +27,23 @@ const KEPT: Duration = Duration::from_secs(3);
 /// intervals.
 const HELD: Duration = Duration::from_millis(500);
 
-/// Order of the map's [sketch](Second::sketch): 2048 quads for a hemisphere, with their centroids.
+/// Order of the HEALPix grid of the [sketch](Second::sketch) of a map: 2048 quads for a hemisphere, each with
+/// its centroid.
 pub const SKETCH_ORDER: u8 = 4;
 
 /// Request for a second sampler: kind, number of lights, and discs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Contender {
-    /// Kind of the second sampler.
+    /// Kind of the requested second sampler.
     pub sampler: SamplerKind,
-    /// Requested number of lights, at most [`MOST_LIGHTS`].
+    /// Requested number of lights of the second sampler, at most [`MOST_LIGHTS`].
     pub lights: usize,
-    /// True if the lights are fitted as discs.
+    /// True if the second sampler fits its lights as discs.
     pub soft: bool,
 }
 
 impl Contender {
-    /// Returns the request to the sampler.
+    /// Returns this request in the form that the sampler's constructor reads.
     #[must_use]
     pub const fn request(&self) -> Request {
         Request { soft: self.soft, ..Request::of_lights(self.lights) }
@@ -52,28 +53,29 @@ impl Contender {
 /// The second sampler's result for a frame.
 #[derive(Clone, Debug, Default)]
 pub struct Second {
-    /// The light set of the second sampler.
+    /// The light set of the second sampler for the frame.
     pub set: OwnedSet,
-    /// The map in quads of [`SKETCH_ORDER`], or of the map's order if that is lower: the reference for the scores of both sets.
+    /// The frame's map in quads of [`SKETCH_ORDER`], or of the map's own order where that is lower: the reference for the
+    /// scores of both sets.
     pub sketch: Vec<Quad>,
 }
 
 /// The light sets of two samplers for one frame.
 #[derive(Clone, Debug)]
 pub struct Pair {
-    /// Request of the second sampler.
+    /// Request that the second sampler of the pair answers.
     pub contender: Contender,
-    /// The probe's own set.
+    /// The light set of the probe's own sampler.
     pub first: Arc<OwnedSet>,
-    /// The second sampler's set.
+    /// The result of the second sampler for the same frame.
     pub second: Arc<Second>,
 }
 
-/// The requests for a second sampler, and the newest pair of sets.
+/// The clients' requests for a second sampler, and the newest pair of light sets.
 #[derive(Debug)]
 pub struct Comparison {
     state: Mutex<ComparisonState>,
-    /// True if there may be a request, which the processing thread then reads under the lock.
+    /// True if a second sampler may be requested; the processing thread locks `state` only then.
     is_wanted: AtomicBool,
     pairs: watch::Sender<Option<Pair>>,
 }
@@ -81,9 +83,9 @@ pub struct Comparison {
 #[derive(Debug)]
 struct ComparisonState {
     contender: Option<Contender>,
-    /// Number of clients that hold permits.
+    /// Number of clients that hold a [`Permit`].
     waiting: usize,
-    /// Time of the last grant or release of a permit.
+    /// Time of the last grant or release of a [`Permit`].
     seen: Instant,
 }
 
@@ -114,7 +116,8 @@ impl Comparison {
     /// Requests pairs of the probe's own set and the set of `contender`, until the permit is dropped.
     ///
     /// # Errors
-    /// The sampler in use, if clients hold permits for another one or held them within the last 0.5 s.
+    /// The second sampler in use, if clients hold permits for it, or held permits within the last 0.5 s, and it
+    /// is another one than `contender`.
     pub fn ask(&self, contender: Contender) -> Result<Permit<'_>, Contender> {
         let mut state = lock(&self.state);
         let is_held = state.waiting > 0 || state.seen.elapsed() < HELD;
@@ -128,13 +131,14 @@ impl Comparison {
         Ok(Permit(self))
     }
 
-    /// Returns a receiver of the newest pair.
+    /// Returns a receiver of the newest pair of light sets; `None` before the first pair.
     #[must_use]
     pub fn pairs(&self) -> watch::Receiver<Option<Pair>> {
         self.pairs.subscribe()
     }
 
-    /// Returns the second sampler of this frame. Without requests, the cost is one atomic load.
+    /// Returns the requested second sampler; `None` if none is requested. Without requests, the call costs one
+    /// atomic load.
     fn wanted(&self) -> Option<Contender> {
         if !self.is_wanted.load(Ordering::Acquire) {
             return None;
@@ -163,7 +167,8 @@ struct SecondarySampler {
 }
 
 impl SecondarySlot {
-    /// Runs the second sampler on the last frame, whose set is `first`, if a client requests it.
+    /// Runs the second sampler on the last frame, if a client requests one, and publishes its set with `first`,
+    /// the probe's own set of that frame.
     pub(super) fn compare(&mut self, link: &Comparison, pipeline: &mut Pipeline, first: &Arc<OwnedSet>) {
         let Some(contender) = link.wanted() else {
             if self.secondary.take().is_some() {
@@ -224,7 +229,8 @@ impl SecondarySampler {
     }
 }
 
-/// Returns the bytes of a comparison without those of the sampler.
+/// Returns the bytes that a comparison allocates for a map of `order`, without the memory of the sampler
+/// itself.
 #[must_use]
 pub fn bytes(order: u8) -> usize {
     let quads =

@@ -7,20 +7,20 @@ use crate::timing::Budgets;
 use hemilux_core::healpix::Domain;
 use hemilux_core::{Extrapolation, MergeMode};
 
-/// Names that `--extrapolation` and `change?extrapolation=` accept.
+/// Names of the kinds of extrapolation that `--extrapolation` and `change?extrapolation=` accept.
 pub const EXTRAPOLATIONS: [(&str, Extrapolation); 2] =
     [("none", Extrapolation::None), ("average", Extrapolation::Average)];
 
-/// Returns the name of `extrapolation`.
+/// Returns the name of `extrapolation` on the command line and in `/change`.
 #[must_use]
 pub fn extrapolation_name(extrapolation: Extrapolation) -> &'static str {
     EXTRAPOLATIONS.iter().find(|(_, e)| *e == extrapolation).map_or("", |(name, _)| name)
 }
 
-/// Names that `--merge` and `change?merge=` accept.
+/// Names of the merge modes that `--merge` and `change?merge=` accept.
 pub const MERGES: [(&str, MergeMode); 2] = [("needed", MergeMode::Needed), ("all", MergeMode::All)];
 
-/// Returns the name of `mode`.
+/// Returns the name of the merge mode `mode` on the command line and in `/change`.
 #[must_use]
 pub fn merge_name(mode: MergeMode) -> &'static str {
     MERGES.iter().find(|(_, m)| *m == mode).map_or("", |(name, _)| name)
@@ -31,19 +31,20 @@ pub fn merge_name(mode: MergeMode) -> &'static str {
 pub struct Config {
     /// Settings of the sampler and of the map.
     pub pipeline: Settings,
-    /// Exposure times, seconds, ascending; `None` for the exposure times of the source.
+    /// Exposure times of a burst, seconds, ascending; `None` for the exposure times of the source.
     pub exposures_s: Option<Vec<f64>>,
-    /// True if the exposures follow the light; sources of fixed exposures ignore it.
+    /// True if the exposure times follow the light of the scene; sources of fixed exposures ignore this
+    /// setting.
     pub auto_exposures: bool,
-    /// Budgets of the stages, microseconds.
+    /// Budgets of the durations of the stages of a frame, microseconds.
     pub budgets: Budgets,
-    /// True if `/screenshot` may draw the debug picture. The lights do not depend on it.
+    /// True if `/screenshot` may draw the debug picture. The lights do not depend on this setting.
     pub gui: bool,
-    /// Largest number of tiers, in [`super::tiers::MOST`].
+    /// Largest number of tiers of light sets, in [`super::tiers::MOST`].
     pub tiers: usize,
     /// True if the quality is lowered where frames exceed the budget of `total`.
     pub degrade: bool,
-    /// Factor by which the time of every stage is multiplied, for tests; it is not a setting.
+    /// Factor by which the measured duration of every stage is multiplied, for tests; clients cannot set it.
     pub slowdown: f32,
 }
 
@@ -70,13 +71,13 @@ impl Config {
     }
 }
 
-/// A refused setting and the reason.
+/// A setting whose new value was refused, and the reason.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{why}")]
 pub struct Refusal {
-    /// Name of the setting in [`super::settings::SETTINGS`].
+    /// Name of the refused setting in [`super::settings::SETTINGS`].
     pub setting: &'static str,
-    /// The value that was found and the value that was expected.
+    /// Reason of the refusal: the value that was found and the value that was expected.
     pub why: String,
 }
 
@@ -108,7 +109,7 @@ impl Config {
     /// Checks that the sampler supports the number of lights, the tolerance and ambient light.
     ///
     /// # Errors
-    /// [`Refusal`] with the first setting that is not supported.
+    /// [`Refusal`] of the first setting whose value the sampler does not support.
     pub fn check(&self) -> Result<(), Refusal> {
         Ok(samplers::check(self.pipeline.sampler, Domain::Hemisphere, &self.pipeline.request())?)
     }

@@ -1,4 +1,4 @@
-//! Exposures that follow the light of the scene.
+//! Exposure times that follow the light of the scene.
 
 use crate::calibration::{Burst, Calibration};
 use crate::exposure_plan::{Planner, TimeRange};
@@ -6,20 +6,22 @@ use crate::noise::Noise;
 use crate::source::Source;
 use hemilux_core::mains::{Flicker, Lamps};
 
-/// Frequency between those at which lamps on mains of 50 and of 60 Hz vary, hertz.
+/// Limit between the flicker frequencies of lamps on mains of 50 Hz (100 Hz) and of 60 Hz (120 Hz), hertz.
 const BETWEEN_HZ: f32 = 110.0;
 
-/// Changes the exposures of a source according to the light of its bursts.
+/// Changes the exposure times of a source according to the light in its bursts.
 #[derive(Debug, Default)]
 pub(super) struct LightFollower {
-    /// The planner, and the calibration and the range that it was made for.
+    /// The exposure planner, and the calibration and the range of exposure times for which it was made; `None`
+    /// before the first burst.
     planner: Option<(Calibration, TimeRange, Planner)>,
-    /// The lamps that the source was told.
+    /// The mains frequency of the lamps that the source was last told.
     lamps: Lamps,
 }
 
 impl LightFollower {
-    /// Tells the source the lamps of `setting`, or those whose frequency was found in the burst.
+    /// Passes to the source the mains frequency of the lamps: that of `setting`, or for [`Lamps::Auto`] the one
+    /// found in the burst.
     pub(super) fn follow_lamps(&mut self, source: &mut dyn Source, setting: Lamps, flicker: &Flicker) {
         let found = match flicker.frequency_hz {
             Some(hz) if hz < BETWEEN_HZ => Lamps::Mains50,
@@ -33,15 +35,16 @@ impl LightFollower {
         }
     }
 
-    /// Tells a new source the lamps.
+    /// Passes to a new source the mains frequency of the lamps that the earlier source was last told.
     pub(super) fn greet(&self, source: &mut dyn Source) {
         source.set_lamps(self.lamps);
     }
 
-    /// Plans the exposures of the bursts after `burst`, of whose light the share `clipped` is clipped. Returns true if the exposures change.
+    /// Plans the exposures of the bursts after `burst`, in which the fraction `clipped` of the light is clipped. Returns true if the
+    /// exposures change.
     ///
-    /// Sources of fixed exposures do not change. Bursts whose exposures differ from the source's present ones are ignored: incomplete bursts
-    /// and those from before a change.
+    /// Sources of fixed exposures are left unchanged. A burst whose exposures differ from the present ones of the source is ignored: it is
+    /// incomplete, or from before a change of exposures.
     pub(super) fn follow(&mut self, source: &mut dyn Source, burst: &Burst, clipped: f64) -> bool {
         let Some(range) = source.exposure_range() else { return false };
         if !burst.frames.iter().map(|frame| frame.exposure).eq(source.exposures()) {
@@ -72,7 +75,8 @@ mod tests {
     use crate::scene;
     use crate::source::{Pace, SceneSource};
 
-    /// Returns the exposure times, seconds, and the clipped share of each burst of a scene whose first exposures are `seconds`.
+    /// Follows a scene for `bursts` bursts, the first with the exposure times `seconds`; returns the exposure times, seconds,
+    /// and the clipped fraction of light of each burst.
     fn follow(name: &str, seconds: &[f64], bursts: usize) -> Vec<(Vec<f64>, f64)> {
         let mut source = SceneSource::new(scene::by_name(name).expect("a scene"), Pace::Free);
         source.set_exposures(Some(seconds)).expect("any exposures");

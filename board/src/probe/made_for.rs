@@ -1,10 +1,10 @@
-//! The settings that determine a sampler's memory.
+//! The settings on which the memory of a sampler depends.
 
 use crate::pipeline::Pipeline;
 use crate::samplers::Tuning;
 use hemilux_core::SamplerKind;
 
-/// The order of the map and the tuning for which a sampler was made.
+/// The order of the map and the tuning of the sampler for which a sampler's memory was allocated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct MadeFor {
     order: u8,
@@ -12,7 +12,8 @@ pub(super) struct MadeFor {
 }
 
 impl MadeFor {
-    /// Returns the settings in effect of `pipeline`, reduced to those that `kind` reads.
+    /// Returns the order and the tuning in effect in `pipeline`; of the tuning, only the part that samplers of
+    /// `kind` read.
     pub(super) fn now(pipeline: &Pipeline, kind: SamplerKind) -> Self {
         let settings = pipeline.settings();
         Self { order: settings.order(), tuning: settings.tuning.of(kind) }

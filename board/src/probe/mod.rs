@@ -43,10 +43,10 @@ use std::time::Instant;
 use switch::{NextSource, SourceSwitch};
 use tiers::Tiers;
 
-/// Reasons for which the probe cannot start.
+/// Reasons for which the processing thread cannot start.
 #[derive(Debug, thiserror::Error)]
 pub enum StartError {
-    /// The source and the settings do not fit together.
+    /// The settings do not suit the calibration of the source.
     #[error(transparent)]
     Pipeline(#[from] PipelineError),
     /// The operating system cannot start a thread.
@@ -54,7 +54,7 @@ pub enum StartError {
     Thread(std::io::Error),
 }
 
-/// The state that the processing thread and the server share, one field per purpose.
+/// The state that the processing thread and the server share.
 #[derive(Debug)]
 pub struct Link {
     run: String,
@@ -87,24 +87,24 @@ impl Link {
         }
     }
 
-    /// Returns the identifier of this run of the program, which differs after every start.
+    /// Returns the identifier of this run of the program, which is another one after every start.
     #[must_use]
     pub fn run(&self) -> &str {
         &self.run
     }
 
-    /// Returns the name of the source of bursts.
+    /// Returns the name of the source of bursts in use.
     #[must_use]
     pub fn source(&self) -> String {
         self.source.name()
     }
 
-    /// Uses `source`, called `name`, from the next burst on.
+    /// Replaces the source of bursts, from the next burst on, by `source`, whose name for clients is `name`.
     pub fn switch(&self, source: Box<dyn Source>, name: String) {
         self.source.post(NextSource { source, name });
     }
 
-    /// Returns the time at which the probe started.
+    /// Returns the time at which the processing thread was started.
     #[must_use]
     pub fn started(&self) -> Instant {
         self.started
@@ -128,37 +128,38 @@ impl Link {
         &self.status
     }
 
-    /// Returns the durations of the stages.
+    /// Returns the durations of the stages of all frames since the start.
     #[must_use]
     pub fn durations(&self) -> &DurationLog {
         &self.durations
     }
 
-    /// Returns the requests for frames and maps, from which pictures are made.
+    /// Returns the channel of the requests for frames and maps, from which pictures are rendered.
     #[must_use]
     pub fn views(&self) -> &Views {
         &self.views
     }
 
-    /// Returns the requests for the light sets of a second sampler.
+    /// Returns the channel of the requests for light sets of a second sampler.
     #[must_use]
     pub fn comparison(&self) -> &Comparison {
         &self.comparison
     }
 
-    /// Returns the light sets for clients that request other lights than those of the probe's own set.
+    /// Returns the tiers: light sets with fewer lights, or with another choice of ambient light or discs, than
+    /// the probe's own set.
     #[must_use]
     pub fn tiers(&self) -> &Tiers {
         &self.tiers
     }
 
-    /// Returns the state of the camera's exposures and frames; `None` if the source is not a camera.
+    /// Returns the state of the exposures and frames of the camera; `None` if the source is not a camera.
     #[must_use]
     pub fn camera(&self) -> Option<CameraStatus> {
         lock(&self.camera).clone()
     }
 
-    /// Stores the state of the source's camera; `None` for other sources.
+    /// Stores the state of the camera that `source` reads; `None` if `source` is not a camera.
     fn note_camera(&self, source: &dyn Source) {
         let mut camera = lock(&self.camera);
         let mut status = camera.take().unwrap_or_default();
@@ -167,7 +168,7 @@ impl Link {
         }
     }
 
-    /// Returns the age of `set` and the reason why there is no newer one.
+    /// Returns the age of `set`, and the reason why the processing thread has published no newer set.
     #[must_use]
     pub fn staleness(&self, set: &OwnedSet) -> Stale<String> {
         let age_ns = crate::clock::monotonic_ns().saturating_sub(set.timestamp_ns);
@@ -181,7 +182,8 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Returns five random characters, from the random keys that the standard library creates for hash tables.
+/// Returns five random characters. The random numbers are those that the standard library makes for the keys of
+/// hash tables.
 fn run_id() -> String {
     const DIGITS: &[u8; 32] = b"0123456789abcdefghjkmnpqrstvwxyz";
     let mut hasher = RandomState::new().build_hasher();
@@ -201,7 +203,7 @@ impl Probe {
     /// Starts a thread that processes the bursts of `source`, whose name for clients is `name`.
     ///
     /// # Errors
-    /// [`StartError`] where source and settings do not fit together or no thread can be started.
+    /// [`StartError`] where the settings do not suit the source, or the operating system starts no thread.
     pub fn start(source: Box<dyn Source>, name: String, config: Config) -> Result<Self, StartError> {
         let mut worker = Worker::try_new(source, name, config)?;
         let link = worker.link();

@@ -1,12 +1,12 @@
-//! A ring of light sets whose memory is reused.
+//! A ring of light sets, which reuses their memory.
 
 use crate::light_set::OwnedSet;
 use std::sync::Arc;
 
-/// Number of sets in a ring: one is published, one is being filled, two are being encoded.
+/// Number of light sets in a ring: one is published, one is being filled, two are being encoded.
 pub(super) const SETS: usize = 4;
 
-/// Reuses the memory of the sets that have no reader.
+/// A ring of sets, of which one without a reader is filled next.
 #[derive(Debug)]
 pub(super) struct Ring<T> {
     sets: [Arc<T>; SETS],
@@ -17,7 +17,8 @@ impl<T: Default> Ring<T> {
         Self { sets: std::array::from_fn(|_| Arc::new(make())) }
     }
 
-    /// Fills a set that has no reader and returns it; allocates a new set only if every set has a reader.
+    /// Fills a set of the ring that has no reader and returns it; a new set is allocated only if every set has
+    /// a reader.
     pub(super) fn fill(&mut self, fill: impl FnOnce(&mut T)) -> Arc<T> {
         let free = self.sets.iter_mut().position(|set| Arc::get_mut(set).is_some());
         let at = free.unwrap_or_else(|| {
@@ -31,10 +32,11 @@ impl<T: Default> Ring<T> {
     }
 }
 
-/// Capacity of the strings of a set, bytes: longer than a run identifier and than the name of a sampler.
+/// Initial capacity of each string of a light set, bytes: longer than a run identifier and than the name of a
+/// sampler.
 const TEXT: usize = 32;
 
-/// Returns a set without lights, with memory for `lights` lights and for its strings.
+/// Returns a light set without lights, with memory for `lights` lights and for the strings of the set.
 fn empty(lights: usize) -> OwnedSet {
     OwnedSet {
         run: String::with_capacity(TEXT),
@@ -45,12 +47,13 @@ fn empty(lights: usize) -> OwnedSet {
 }
 
 impl Ring<OwnedSet> {
-    /// Creates a ring whose sets have a capacity of `lights` lights each.
+    /// Creates a ring of light sets with a capacity of `lights` lights each.
     pub(super) fn with_lights(lights: usize) -> Self {
         Self::new(|| empty(lights))
     }
 
-    /// Raises the capacity of every set to `lights` lights. Readers keep the sets that they hold.
+    /// Raises the capacity of every set of the ring to `lights` lights. Sets that readers hold are replaced,
+    /// not changed.
     pub(super) fn reserve(&mut self, lights: usize) {
         for set in &mut self.sets {
             if set.lights.capacity() < lights {

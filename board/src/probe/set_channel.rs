@@ -4,7 +4,7 @@ use crate::light_set::OwnedSet;
 use std::sync::Arc;
 use tokio::sync::{Notify, watch};
 
-/// Holds the newest light set and notifies waiting clients of it. Publication does not wait for clients.
+/// Holds the newest light set and notifies waiting clients of a new set. Publication does not wait for clients.
 #[derive(Debug)]
 pub struct SetChannel {
     latest: watch::Sender<Option<Arc<OwnedSet>>>,
@@ -25,7 +25,7 @@ impl SetChannel {
         self.latest.subscribe()
     }
 
-    /// Returns the newest set; `None` before the first one.
+    /// Returns the newest light set; `None` before the first one.
     #[must_use]
     pub fn latest(&self) -> Option<Arc<OwnedSet>> {
         self.latest.borrow().clone()
@@ -47,7 +47,7 @@ impl SetChannel {
         }
     }
 
-    /// Replaces the newest set and notifies the waiters.
+    /// Replaces the newest light set by `set` and notifies the waiters.
     pub(super) fn publish(&self, set: Arc<OwnedSet>) {
         self.latest.send_replace(Some(set));
         self.notify.notify_waiters();
@@ -62,7 +62,7 @@ mod tests {
     async fn waiters_are_notified_in_fifo_order_and_a_newer_set_returns_at_once() {
         let sets = Arc::new(SetChannel::default());
         let (woken, mut order) = tokio::sync::mpsc::unbounded_channel();
-        // More waiters than `Notify` wakes at a time.
+        // More waiters than one call of `Notify` wakes at a time.
         for i in 0..100 {
             let (sets, woken) = (Arc::clone(&sets), woken.clone());
             tokio::spawn(async move {

@@ -1,16 +1,17 @@
-//! The channel of the settings: requests of clients to the processing thread, and its answers.
+//! The channel of the settings: requests of clients to the processing thread, and the thread's answers.
 
 use super::{Change, Config, Refusal, lock};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use tokio::sync::watch;
 
-/// The configuration in effect, and the number of the last request that was processed.
+/// The configuration in effect, and the number of the last settings request that the processing thread has
+/// processed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Applied {
-    /// Number of the last request that was processed.
+    /// Number of the last settings request that the processing thread has processed.
     pub serial: u64,
-    /// The configuration in effect.
+    /// The configuration in effect after that request.
     pub config: Config,
     /// The reason of the refusal of request `serial`; `None` if it was accepted.
     pub refused: Option<Refusal>,
@@ -20,14 +21,14 @@ pub struct Applied {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct SettingsRequest {
     pub(super) config: Config,
-    /// Number of the request, ascending.
+    /// Number of the settings request; later requests have greater numbers.
     pub(super) serial: u64,
 }
 
-/// The exposures of the source.
+/// The exposure times of the source, and whether clients can change them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Exposures {
-    /// Exposure times in effect, seconds, ascending.
+    /// Exposure times of the source in effect, seconds, ascending.
     pub seconds: Vec<f64>,
     /// The reason why the exposures cannot be changed; `None` if they can.
     pub fixed: Option<&'static str>,
@@ -59,7 +60,7 @@ impl SettingsChannel {
         self.applied.subscribe()
     }
 
-    /// Returns the exposures of the source.
+    /// Returns the exposure times of the source in effect, and whether clients can change them.
     #[must_use]
     pub fn exposures(&self) -> Exposures {
         lock(&self.exposures).clone()
@@ -73,7 +74,7 @@ impl SettingsChannel {
     /// thread, so that an invalid one does not discard valid changes of other clients.
     ///
     /// # Errors
-    /// [`Refusal`] for values out of range; nothing changes then.
+    /// [`Refusal`] of a value out of range; no setting is changed then.
     pub fn change(&self, change: &Change) -> Result<u64, Refusal> {
         let mut wanted = lock(&self.wanted);
         let mut config = wanted.config.clone();
@@ -85,7 +86,7 @@ impl SettingsChannel {
         Ok(wanted.serial)
     }
 
-    /// Returns the newest request that the processing thread has not taken yet.
+    /// Returns the newest settings request, if the processing thread has not taken it yet.
     pub(super) fn take(&self) -> Option<SettingsRequest> {
         if !self.waiting.swap(false, Ordering::Acquire) {
             return None;
@@ -94,7 +95,8 @@ impl SettingsChannel {
         Some(wanted.clone())
     }
 
-    /// Answers the request `serial`: `in_effect` is the configuration from this frame.
+    /// Answers the settings request `serial`: `in_effect` is the configuration from the present frame on,
+    /// `refused` the reason of a refusal.
     pub(super) fn answer(&self, serial: u64, in_effect: Config, refused: Option<Refusal>) {
         let mut wanted = lock(&self.wanted);
         if refused.is_some() && wanted.serial == serial {

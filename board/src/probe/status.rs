@@ -12,21 +12,21 @@ pub struct ThreadStatus {
     failure: Mutex<Option<String>>,
     turns: AtomicU64,
     stopping: AtomicBool,
-    /// True when the processing thread has ended.
+    /// True after the end of the processing thread.
     ended: watch::Sender<bool>,
-    /// Number of frames that were not merged, by [`FrameFault::index`].
+    /// Number of frames since the start that were left out of the merge, by [`FrameFault::index`].
     left_out: [AtomicU64; FrameFault::ALL.len()],
     quality: Mutex<QualityStatus>,
 }
 
-/// The steps by which the quality is lowered.
+/// The present steps by which the quality is lowered, and the numbers of changes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct QualityStatus {
-    /// The kinds of steps that are in effect.
+    /// The kinds of quality reductions that are in effect.
     pub steps: Degraded,
-    /// Number of steps down since the start.
+    /// Number of times since the start that the quality was lowered by a step.
     pub down: u64,
-    /// Number of steps up since the start.
+    /// Number of times since the start that the quality was raised by a step.
     pub up: u64,
 }
 
@@ -64,7 +64,7 @@ impl ThreadStatus {
         self.turns.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Requests the end of the processing thread.
+    /// Requests that the processing thread ends after its present frame.
     pub(super) fn stop(&self) {
         self.stopping.store(true, Ordering::Relaxed);
     }
@@ -73,8 +73,8 @@ impl ThreadStatus {
         self.stopping.load(Ordering::Relaxed)
     }
 
-    /// Returns, for each kind of contradiction, its name and the number of frames that contradicted their burst and were not merged since the
-    /// start.
+    /// Returns the name of each kind of contradiction between a frame and its burst, and the number of frames that were not merged because of
+    /// it since the start.
     pub fn frames_left_out(&self) -> impl Iterator<Item = (&'static str, u64)> {
         let counts = self.left_out.iter().map(|count| count.load(Ordering::Relaxed));
         FrameFault::ALL.iter().map(|fault| fault.name()).zip(counts)
@@ -86,7 +86,7 @@ impl ThreadStatus {
         }
     }
 
-    /// Returns the steps by which the quality is lowered.
+    /// Returns the present steps by which the quality is lowered, and the numbers of changes since the start.
     #[must_use]
     pub fn quality(&self) -> QualityStatus {
         *lock(&self.quality)

@@ -6,14 +6,14 @@ use std::fmt;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A slot for an opened source that the processing thread takes, and the name of the source in use.
+/// A slot for an opened source that replaces the source in use, and the name of the source in use.
 pub(super) struct SourceSwitch {
     name: Mutex<String>,
     next: Mutex<Option<NextSource>>,
     is_waiting: AtomicBool,
 }
 
-/// An opened source that replaces the one in use, and its name.
+/// An opened source that replaces the source in use, and its name for clients.
 pub(super) struct NextSource {
     pub source: Box<dyn Source>,
     pub name: String,
@@ -29,13 +29,15 @@ impl SourceSwitch {
         lock(&self.name).clone()
     }
 
-    /// Stores a source for the processing thread; an earlier one that the thread has not taken is dropped.
+    /// Stores `next` until the processing thread takes it; an earlier source that the thread has not taken is
+    /// dropped.
     pub fn post(&self, next: NextSource) {
         *lock(&self.next) = Some(next);
         self.is_waiting.store(true, Ordering::Release);
     }
 
-    /// Returns the requested source once, and makes its name the name of the source in use. Without a request this is one atomic load.
+    /// Returns the source that replaces the one in use, once, and makes its name the name in use; `None` without a request, at the
+    /// cost of one atomic load.
     pub fn take(&self) -> Option<Box<dyn Source>> {
         if !self.is_waiting.swap(false, Ordering::Acquire) {
             return None;

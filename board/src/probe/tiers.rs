@@ -19,30 +19,32 @@ use std::ops::RangeInclusive;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-/// Range of the largest number of tiers. Four tiers, with and without ambient light, of points and of discs, are the fewest that serve every
-/// request.
+/// Range of the largest number of tiers. Four tiers, one for each combination of ambient light or none with discs or points, are the fewest
+/// that serve every request.
 pub const MOST: RangeInclusive<usize> = CLASSES.len()..=16;
 
-/// Default number of tiers: at 64 lights each adds at most 0.2 ms per frame on x86-64.
+/// Default of the largest number of tiers: at 64 lights each adds at most 0.2 ms per frame on x86-64.
 pub const USUAL: usize = 6;
 
-/// Most lights of a tier; the sets for larger requests that the probe's own set does not serve have this number of lights.
+/// Largest number of lights of a tier's set; requests for more lights that the probe's own set does not serve are answered
+/// with this number.
 pub const MOST_LIGHTS: usize = 2048;
 
 /// Time without a request after which a tier is dropped, provided that [`KEPT_FRAMES`] frames have passed as well.
 const KEPT: Duration = Duration::from_secs(3);
 
-/// Frames without a request for which a tier is kept at least: exposures may last longer than [`KEPT`].
+/// Number of frames without a request for which a tier is kept at least: exposures may last longer than
+/// [`KEPT`].
 const KEPT_FRAMES: u64 = 3;
 
-/// The contents of a light set that a client requests.
+/// The contents of a light set that a client requests: number of lights, ambient light, discs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Selection {
-    /// Largest number of lights; `None` for the number of the probe's own set.
+    /// Largest number of lights of the set; `None` for the number of the probe's own set.
     pub lights: Option<usize>,
-    /// True if diffuse light is returned as spherical harmonics; `None` for the probe's own setting.
+    /// True if the set has diffuse light as spherical harmonics; `None` for the probe's own setting.
     pub ambient: Option<bool>,
-    /// True if lights are fitted as discs; `None` for the probe's own setting.
+    /// True if the lights of the set are fitted as discs; `None` for the probe's own setting.
     pub soft: Option<bool>,
 }
 
@@ -51,25 +53,25 @@ impl Selection {
     pub const OWN: Self = Self { lights: None, ambient: None, soft: None };
 }
 
-/// The contents of a tier's sets.
+/// The contents of the light sets of a tier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tier {
-    /// Largest number of lights of a set.
+    /// Largest number of lights of a set of the tier.
     pub lights: usize,
-    /// True if diffuse light is returned as spherical harmonics.
+    /// True if the sets of the tier have diffuse light as spherical harmonics.
     pub ambient: bool,
-    /// True if lights are fitted as discs.
+    /// True if the lights of the tier are fitted as discs.
     pub soft: bool,
 }
 
-/// The properties besides the number of lights: requests may share tiers of the same class alone.
+/// The properties of a tier besides the number of lights: a tier serves requests of its own class alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Class {
     ambient: bool,
     soft: bool,
 }
 
-/// All classes, with and without ambient light, of points and of discs.
+/// All classes of tiers: with and without ambient light, of points and of discs.
 const CLASSES: [Class; 4] = [
     Class { ambient: false, soft: false },
     Class { ambient: false, soft: true },
@@ -83,7 +85,7 @@ impl Tier {
     }
 }
 
-/// A tier with the time and the frame of its last request.
+/// A tier with the time and the frame number of its last request.
 #[derive(Clone, Copy, Debug)]
 struct RequestedTier {
     tier: Tier,
@@ -94,15 +96,15 @@ struct RequestedTier {
 #[derive(Debug)]
 struct Table {
     most: usize,
-    /// The contents of the probe's own set.
+    /// The contents of the light sets of the probe's own sampler.
     own: Tier,
     frame: u64,
     requested: Vec<RequestedTier>,
-    /// The tiers' sets of the newest frame.
+    /// The tiers' light sets of the newest frame.
     sets: Vec<(Tier, Arc<OwnedSet>)>,
 }
 
-/// The tiers that clients request, and their newest sets.
+/// The tiers that clients request, and their newest light sets.
 #[derive(Debug)]
 pub struct Tiers(Mutex<Table>);
 
@@ -113,7 +115,8 @@ impl Tiers {
         Self(Mutex::new(Table { most: clamp(most), own, frame: 0, requested, sets }))
     }
 
-    /// Requests sets of `selection` for the next frames and returns the newest one, if there is one.
+    /// Requests light sets of `selection` for the next frames and returns the newest set of the tier that
+    /// serves it, if there is one.
     #[must_use]
     pub fn request(&self, selection: Selection) -> Served {
         let mut table = lock(&self.0);
@@ -127,7 +130,8 @@ impl Tiers {
         }
     }
 
-    /// Returns the selection of the tier that answers `selection`: it is equal for all requests that share the tier.
+    /// Returns the selection that the tier serving `selection` has: it is equal for all requests that share the
+    /// tier.
     #[must_use]
     pub fn resolve(&self, selection: Selection) -> Selection {
         let mut table = lock(&self.0);
@@ -136,19 +140,20 @@ impl Tiers {
         Selection { lights: tier.map(|tier| tier.lights), ambient: Some(ambient), soft: Some(soft) }
     }
 
-    /// Returns the tiers that clients request.
+    /// Returns the tiers that clients have requested recently.
     #[must_use]
     pub fn in_use(&self) -> Vec<Tier> {
         lock(&self.0).requested.iter().map(|r| r.tier).collect()
     }
 
-    /// Returns the largest number of tiers.
+    /// Returns the largest number of tiers that the settings allow.
     #[must_use]
     pub fn most(&self) -> usize {
         lock(&self.0).most
     }
 
-    /// Adopts changed settings of the probe and withdraws the sets of the earlier settings.
+    /// Adopts changed settings of the probe and removes the light sets that were made with the earlier
+    /// settings.
     pub(super) fn follow(&self, settings: &Settings, most: usize) {
         let mut table = lock(&self.0);
         (table.own, table.most) = (own(settings), clamp(most));
@@ -159,7 +164,7 @@ impl Tiers {
         table.sets.clear();
     }
 
-    /// Drops tiers without recent requests, and calls `each` for the others.
+    /// Drops the tiers without recent requests, and calls `each` for every other tier.
     fn frame(&self, mut each: impl FnMut(Tier)) {
         let mut table = lock(&self.0);
         table.frame += 1;
@@ -175,19 +180,20 @@ impl Tiers {
     }
 }
 
-/// The answer to a request for sets of a selection.
+/// The answer to a request for light sets of a selection.
 #[derive(Clone, Debug)]
 pub enum Served {
-    /// The probe's own set answers the request.
+    /// The probe's own light set answers the request.
     Own,
-    /// The newest set of a tier.
+    /// The newest light set of the tier that serves the request.
     Set(Arc<OwnedSet>),
     /// The tier has no set yet; its first one is published with one of the next frames.
     NotYet(Tier),
 }
 
 impl Table {
-    /// Returns the tier that serves `selection`, `None` for the probe's own set. Creates a tier if their number is below the limit.
+    /// Returns the tier that serves `selection`; `None` if the probe's own set serves it. A new tier is created while the number of
+    /// tiers is below the limit.
     fn assign(&mut self, selection: Selection) -> Option<Tier> {
         let ambient = selection.ambient.unwrap_or(self.own.ambient);
         let soft = selection.soft.unwrap_or(self.own.soft);
@@ -203,7 +209,8 @@ impl Table {
         if is_new && self.has_room(wanted.class()) {
             self.requested.push(RequestedTier { tier: wanted, at, frame });
         } else if is_new && !self.requested.iter().any(|r| serves(r.tier, wanted)) {
-            // No tier of this class is small enough: the smallest one is reduced, for all of its clients.
+            // No tier of this class has few enough lights: the one with the fewest lights is reduced, for all
+            // of its clients.
             let class = self.requested.iter_mut().filter(|r| r.tier.class() == wanted.class());
             if let Some(smallest) = class.min_by_key(|r| r.tier.lights) {
                 smallest.tier = wanted;
@@ -215,7 +222,8 @@ impl Table {
         Some(best.tier)
     }
 
-    /// Returns true if a tier of `class` can be added. One tier is reserved for each other class without a tier.
+    /// Returns true if a tier of `class` can be added within the limit on tiers, one of which is reserved for
+    /// each other class without a tier.
     fn has_room(&self, class: Class) -> bool {
         let is_missing = |other: &&Class| self.requested.iter().all(|r| r.tier.class() != **other);
         let kept = CLASSES.iter().filter(|other| **other != class).filter(is_missing).count();
@@ -223,7 +231,7 @@ impl Table {
     }
 }
 
-/// Returns true if a set of `tier` has at most the lights of `wanted` and is of the same class.
+/// Returns true if a set of `tier` has at most as many lights as `wanted` and is of the same class.
 fn serves(tier: Tier, wanted: Tier) -> bool {
     tier.class() == wanted.class() && tier.lights <= wanted.lights
 }
@@ -237,7 +245,7 @@ fn clamp(most: usize) -> usize {
     most.clamp(*MOST.start(), *MOST.end())
 }
 
-/// The samplers of the tiers, on the processing thread.
+/// The samplers of all tiers, which the processing thread runs.
 #[derive(Default)]
 pub(super) struct TierSamplers {
     running: Vec<RunningTier>,
@@ -254,7 +262,8 @@ struct RunningTier {
 }
 
 impl TierSamplers {
-    /// Samples the last burst for each tier and publishes the sets; `own` is the probe's own set of the frame.
+    /// Samples the last burst for each requested tier and publishes the tier's set; `own` is the probe's own
+    /// set of the frame.
     pub(super) fn sample(&mut self, tiers: &Tiers, pipeline: &mut Pipeline, own: &OwnedSet) {
         self.wanted.clear();
         tiers.frame(|tier| self.wanted.push(tier));
@@ -310,8 +319,8 @@ impl RunningTier {
     }
 }
 
-/// Returns the sampler of a tier: the probe's own, or `adaptive` where the own sampler needs more lights than the tier has, has no ambient light
-/// or fits no discs.
+/// Returns the kind of sampler of a tier: the probe's own kind, or `adaptive` where the probe's sampler needs more lights than the tier has, has
+/// no ambient light or fits no discs.
 fn kind(tier: Tier, settings: &Settings) -> SamplerKind {
     let own = settings.sampler;
     let fits = tier.lights >= own.least_lights(Domain::Hemisphere)

@@ -14,33 +14,34 @@ use tokio::sync::watch;
 /// The frames of a burst as the source delivers them.
 #[derive(Clone, Debug)]
 pub struct BurstView {
-    /// Number of the light set's frame.
+    /// Number of the frame that the burst became, as in the light set.
     pub frame: u64,
-    /// CLOCK_MONOTONIC at a time before the first exposure began, nanoseconds; 0 where unknown.
+    /// CLOCK_MONOTONIC at a time before the first exposure of the burst began, nanoseconds; 0 where unknown.
     pub before_ns: u64,
-    /// The frames, shortest exposure first.
+    /// The frames of the burst, shortest exposure first.
     pub frames: Vec<Frame>,
-    /// The calibration, which contains the format of the samples.
+    /// The calibration of the source, which contains the format of the frames' samples.
     pub calibration: Calibration,
-    /// The unit lux, whose factor `calibration` contains; `None` where the unit is relative.
+    /// The factor from the source's radiance to lux, already part of `calibration`; `None` where the radiance
+    /// is relative.
     pub lux: Option<Lux>,
 }
 
 /// The polar map of a frame with its lights.
 #[derive(Clone, Debug)]
 pub struct MapView {
-    /// Grid of the map.
+    /// Grid of the polar map.
     pub grid: Grid,
     /// Energy of each texel: radiance times solid angle, red, green and blue.
     pub texels: Vec<[f32; 3]>,
-    /// Number of the light set's frame.
+    /// Number of the frame that the map shows, as in the light set.
     pub frame: u64,
-    /// The lights computed from the map.
+    /// The lights that the sampler computed from the map.
     pub lights: Vec<Light>,
 }
 
 impl MapView {
-    /// Returns the map, borrowed.
+    /// Returns the polar map with borrowed texels.
     #[must_use]
     pub fn map(&self) -> LatLongView<'_> {
         LatLongView { grid: self.grid, texels: &self.texels }
@@ -54,23 +55,23 @@ pub struct Slot<T> {
     given: watch::Sender<Given<T>>,
 }
 
-/// The newest view and the number of the last request that it answers.
+/// The newest view of a slot, and the number of the last request that the view answers.
 #[derive(Debug)]
 pub struct Given<T> {
     /// Number of the last request that the view answers.
     pub number: u64,
-    /// The view; `None` before the first one.
+    /// The newest view; `None` before the first one.
     pub view: Option<Arc<T>>,
-    /// True if the view is of a frame that was processed after the request.
+    /// True if the view belongs to a frame that was processed after the request.
     pub is_new: bool,
 }
 
-/// A request for a view, and the channel of its answer.
+/// A request for a view of the next frame, and the channel in which the view arrives.
 #[derive(Debug)]
 pub struct ViewRequest<T> {
     /// Number of the request: a [`Given`] of this number or a greater one answers it.
     pub number: u64,
-    /// The channel in which the answers arrive.
+    /// The channel in which the views arrive.
     pub given: watch::Receiver<Given<T>>,
 }
 
@@ -84,14 +85,14 @@ impl<T> Default for Slot<T> {
 }
 
 impl<T> Slot<T> {
-    /// Requests a view of the next frame; the processing thread makes it.
+    /// Requests a view of the next frame from the processing thread.
     #[must_use]
     pub fn request(&self) -> ViewRequest<T> {
         let given = self.given.subscribe();
         ViewRequest { number: self.asked.fetch_add(1, Ordering::AcqRel) + 1, given }
     }
 
-    /// Makes a view of a new frame if a request is waiting.
+    /// Makes a view of a new frame with `make`, if a request is waiting, and sends it to the waiting clients.
     fn serve(&self, make: impl FnOnce() -> T) {
         self.give(true, make);
     }
@@ -104,17 +105,17 @@ impl<T> Slot<T> {
     }
 }
 
-/// Requests for each kind of view.
+/// The slots of the requests for each kind of view.
 #[derive(Debug, Default)]
 pub struct Views {
-    /// Requests for the newest burst.
+    /// Requests for the frames of the newest burst.
     pub bursts: Slot<BurstView>,
-    /// Requests for the newest map.
+    /// Requests for the newest polar map.
     pub maps: Slot<MapView>,
 }
 
 impl Views {
-    /// Answers the requests for views of this frame. Without requests, the cost is two atomic loads.
+    /// Answers the requests for views of this frame. Without requests, the call costs two atomic loads.
     pub(super) fn serve(&self, burst: &Burst, pipeline: &mut Pipeline, set: &OwnedSet, lux: Option<Lux>) {
         self.bursts.serve(|| BurstView {
             frame: set.frame,
@@ -138,7 +139,7 @@ impl Views {
     }
 }
 
-/// A copy of a frame; samples that it lacks are 0.
+/// Returns a copy of `frame` in which missing samples are 0.
 fn complete(frame: &Frame, layout: &Layout) -> Frame {
     let mut frame = frame.clone();
     match &mut frame.pixels {

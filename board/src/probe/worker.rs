@@ -22,10 +22,11 @@ use std::time::{Duration, Instant};
 /// Pause after a fault of the source: it limits the load of a loop over faults, and it is short compared with a client's wait for a frame.
 pub(crate) const RETRY_PAUSE: Duration = Duration::from_millis(100);
 
-/// Largest ratio of a burst's shortest exposure to the nominal one at which both are taken to be the same exposure.
+/// Largest ratio of the shortest exposure of a burst to that of the source at which both count as the same
+/// exposure.
 const MARGIN: f64 = 1.01;
 
-/// Processes bursts and publishes their light sets.
+/// Processes the bursts of a source and publishes their light sets: the state of the processing thread.
 pub struct Worker {
     source: Box<dyn Source>,
     pipeline: Pipeline,
@@ -34,31 +35,32 @@ pub struct Worker {
     /// The second sampler, while clients request a comparison.
     secondary: SecondarySlot,
     tiers: TierSamplers,
-    /// The settings in effect.
+    /// The values of the settings in effect.
     config: Config,
     link: Arc<Link>,
     light: LightFollower,
-    /// The quality levels, lowered where frames exceed the budget.
+    /// The steps of quality, which lower the quality where frames exceed the budget.
     ladder: Ladder,
-    /// Number of bursts since the start, including those that were not processed.
+    /// Number of bursts since the start, including those that were skipped.
     bursts: u32,
-    /// Usual time from the end of a burst to its delivery, microseconds: the smallest of the last frames.
+    /// Usual time from the end of a burst to its delivery by the source, microseconds: the smallest of the last
+    /// frames.
     delivery_us: u32,
-    /// The exposures of a complete burst of the source.
+    /// The exposures that a complete burst of the source has.
     nominal: Vec<Exposure>,
-    /// Number of published frames.
+    /// Number of light sets that were published since the start.
     frames: u64,
     /// End of the last burst, CLOCK_MONOTONIC, nanoseconds; at first the start of the probe.
     last_ns: u64,
-    /// The last fault that was logged; `None` when it has ended.
+    /// The last fault of the source that was logged; `None` when the fault has ended.
     fault: Option<String>,
 }
 
 impl Worker {
-    /// Allocates all memory.
+    /// Allocates the memory of all stages for `source` and `config`.
     ///
     /// # Errors
-    /// [`PipelineError`] when the source and the settings do not fit together.
+    /// [`PipelineError`] when the settings do not suit the source.
     pub fn try_new(mut source: Box<dyn Source>, name: String, config: Config) -> Result<Self, PipelineError> {
         if config.exposures_s.is_some() {
             source.set_exposures(config.exposures_s.as_deref()).map_err(PipelineError::Exposures)?;
@@ -109,8 +111,8 @@ impl Worker {
     /// Waits for one burst and publishes its lights; returns without a set if no burst is due.
     ///
     /// # Errors
-    /// The fault of the source or of the burst, which [`ThreadStatus::failure`](super::ThreadStatus::failure) returns as well. The newest set
-    /// stays.
+    /// The fault of the source or of the burst, which [`ThreadStatus::failure`](super::ThreadStatus::failure) returns as well. The newest
+    /// light set is then still available to clients.
     pub fn step(&mut self) -> Result<(), SourceError> {
         self.follow_switch();
         let began = Instant::now();
@@ -190,20 +192,21 @@ impl Worker {
         Ok(())
     }
 
-    /// Whether the exposures follow the light: by the setting, or by the source unless the setting `exposures_s` fixes them.
+    /// Returns true if the exposures follow the light: by the setting, or by the default of the source unless the setting
+    /// `exposures_s` fixes them.
     fn follows_light(&self) -> bool {
         let is_free = self.config.exposures_s.is_none();
         self.config.auto_exposures || (is_free && self.source.follows_light())
     }
 
-    /// Counts a burst; returns true if the present quality skips it.
+    /// Counts a burst; returns true if the burst is skipped at the present quality.
     fn is_left_out(&mut self) -> bool {
         self.bursts = self.bursts.wrapping_add(1);
         !self.ladder.quality().reads(self.bursts)
     }
 
-    /// Lowers or raises the quality after a frame of `total_us`, of which `delivery_us` passed before the processing. The delay of a burst
-    /// that was delivered later than usual is not counted: a lower quality would not shorten it.
+    /// Lowers or raises the quality after a frame that took `total_us` microseconds, of which `delivery_us` passed before the processing.
+    /// The part of `delivery_us` above the usual delivery time is not counted: a lower quality would not shorten it.
     fn follow_duration(&mut self, total_us: u32, delivery_us: u32) {
         if !self.config.degrade {
             return;
@@ -216,7 +219,7 @@ impl Worker {
         }
     }
 
-    /// Applies the quality of the ladder to the pipeline.
+    /// Applies the present step of quality to the pipeline.
     fn apply_quality(&mut self) {
         let quality = *self.ladder.quality();
         let settings = quality.settings(&self.config.pipeline);
@@ -240,15 +243,16 @@ impl Worker {
         self.apply_quality();
     }
 
-    /// Returns the end of the burst, CLOCK_MONOTONIC, nanoseconds: the burst's timestamp, or the present time where the timestamp is in the
-    /// future or not later than the end of the burst before.
+    /// Returns the end of the present burst, CLOCK_MONOTONIC, nanoseconds: the timestamp of the burst, or the present time where the
+    /// timestamp is in the future or not later than the end of the previous burst.
     fn end_of_burst(&mut self) -> u64 {
         let (stated, now) = (self.burst.timestamp_ns, clock::monotonic_ns());
         self.last_ns = if stated > self.last_ns && stated <= now { stated } else { now };
         self.last_ns
     }
 
-    /// Refuses a burst that lacks the shortest exposure of the source: without it, the brightest light is clipped.
+    /// Refuses a burst that lacks the shortest exposure of the source, without which the brightest light is
+    /// clipped.
     fn check_complete(&mut self) -> Result<(), SourceError> {
         let frames = &self.burst.frames;
         let first = frames.first().map_or(f64::INFINITY, Frame::light);
@@ -265,7 +269,8 @@ impl Worker {
             self.reset_quality();
         }
         let (found, expected) = (self.burst.frames.len(), self.nominal.len());
-        // A burst of before a change of the exposures has other exposures than the later ones.
+        // In a burst from before a change of the exposures, the shortest exposure equals no later exposure of
+        // the source.
         let is_same = |later: &Exposure| (first / (later.seconds * later.gain) - 1.0).abs() < MARGIN - 1.0;
         let has_lost = found < expected || self.nominal.iter().skip(1).any(is_same);
         if !has_lost || self.nominal.first().is_some_and(is_shortest) {
@@ -285,7 +290,7 @@ impl Worker {
         self.link.settings.set_exposures(exposures(&*self.source));
     }
 
-    /// Replaces the pipeline if the calibration of the source has changed, as for a camera that is connected after the start.
+    /// Replaces the pipeline if the calibration of the source has changed, for example after a camera was connected.
     fn follow_camera(&mut self) -> Result<(), SourceError> {
         let calibration = self.source.calibration();
         if calibration == self.pipeline.calibration() {
@@ -298,7 +303,7 @@ impl Worker {
         Ok(())
     }
 
-    /// Applies the newest request for settings, or answers it with the reason of its refusal.
+    /// Applies the newest settings request of the clients, or answers it with the reason of its refusal.
     fn follow_requests(&mut self) {
         let Some(SettingsRequest { serial, config }) = self.link.settings.take() else { return };
         let refused = self.follow(&config).err();
@@ -319,7 +324,7 @@ impl Worker {
         self.link.settings.answer(serial, in_effect, refused);
     }
 
-    /// Applies all of `config`; on a refusal nothing changes.
+    /// Applies all settings of `config` from the next frame on; after a refusal, all settings are unchanged.
     fn follow(&mut self, config: &Config) -> Result<(), Refusal> {
         let is_left = self.config.auto_exposures && !config.auto_exposures;
         let is_new = config.exposures_s != self.config.exposures_s || is_left;
@@ -358,7 +363,7 @@ impl Worker {
     }
 }
 
-/// Logs each setting that differs.
+/// Logs each setting whose value differs between `before` and `after`.
 fn tell_changes(before: &Config, after: &Config, refused: Option<&Refusal>) {
     if let Some(refusal) = refused {
         tracing::info!("settings: {refusal}; nothing was changed");
@@ -380,7 +385,7 @@ impl Drop for Worker {
     }
 }
 
-/// Returns the microseconds since `ns` of CLOCK_MONOTONIC.
+/// Returns the time since `ns` nanoseconds of CLOCK_MONOTONIC, microseconds.
 fn us_since(ns: u64) -> u32 {
     u32::try_from(clock::monotonic_ns().saturating_sub(ns) / 1000).unwrap_or(u32::MAX)
 }

@@ -1,8 +1,8 @@
 //! Access control for changes of settings and for pictures.
 //!
 //! With a token, a request must carry it as `Authorization: Bearer`, as the password of `Authorization: Basic` (for old clients and for pictures
-//! in pages; the user name is ignored), or carry the cookie that the log-in form sets. A token in a URL is not accepted. Browsers send cookies
-//! and Basic passwords by themselves, so requests that a page of another site caused are always refused.
+//! in pages; the user name is ignored), or carry the cookie that the log-in form sets. A token in a URL is not accepted. Browsers add cookies
+//! and Basic passwords to every request to the server, so requests that a page of another site caused are always refused.
 
 use super::attempts::Attempts;
 use super::client_key::ClientKey;
@@ -18,7 +18,7 @@ use axum::response::{IntoResponse, Response};
 use data_encoding::BASE64;
 use std::time::{Duration, Instant};
 
-/// Longest time within which a body must arrive.
+/// Longest time within which the body of a request must arrive.
 pub(super) const BODY_TIME: Duration = Duration::from_secs(5);
 
 const BEARER: &str = "Bearer realm=\"hemilux\"";
@@ -29,11 +29,11 @@ const COOKIE_NAME: &str = "hemilux";
 /// The condition under which a request may change settings and get pictures.
 #[derive(Clone, Debug)]
 pub enum Access {
-    /// Every request is admitted.
+    /// Every request is admitted, without a token.
     Open,
     /// The request must carry the token or the session cookie.
     Token {
-        /// The token that clients send.
+        /// The token that clients must send.
         token: Token,
         /// The value of the session cookie, random for each run of the program.
         session: Token,
@@ -45,9 +45,9 @@ pub enum Access {
 pub(super) enum Denial {
     /// The request carries no credentials.
     Missing,
-    /// The credentials are wrong.
+    /// The token or the session cookie of the request is wrong.
     Wrong,
-    /// The client has sent too many wrong credentials: they are not checked for this duration.
+    /// The client has sent too many wrong tokens: its credentials are not checked for this duration.
     Blocked(Duration),
 }
 
@@ -60,7 +60,7 @@ impl Access {
         Ok(Self::Token { token, session: Token::random()? })
     }
 
-    /// Checks the credentials in `headers`; wrong tokens are counted under `client`.
+    /// Checks the credentials in `headers`; a wrong token is counted as a failed attempt of `client`.
     pub(super) fn admit(
         &self,
         headers: &HeaderMap,
@@ -74,13 +74,13 @@ impl Access {
                 self.check(&credential(value).map_or(Vec::new(), |c| c.secret), client, attempts)
             }
             (Some(_), Some(_)) => Err(Denial::Wrong),
-            // The session's value has 256 random bits: it cannot be guessed.
+            // The value of the session cookie has 256 random bits: it cannot be guessed.
             (None, _) if cookies(headers).any(|value| session.is(value.as_bytes())) => Ok(()),
             (None, _) => Err(Denial::Missing),
         }
     }
 
-    /// Checks whether `secret` is the token, unless `client` has failed too often.
+    /// Checks whether `secret` is the token, unless `client` has sent too many wrong tokens.
     fn check(&self, secret: &[u8], client: ClientKey, attempts: &Attempts) -> Result<(), Denial> {
         let Self::Token { token, .. } = self else { return Ok(()) };
         let now = Instant::now();
@@ -95,14 +95,14 @@ impl Access {
     }
 }
 
-/// Returns the values of the session cookie.
+/// Returns the values of all session cookies in the headers of a request.
 fn cookies(headers: &HeaderMap) -> impl Iterator<Item = &str> {
     let all = headers.get_all(COOKIE).iter().filter_map(|v| v.to_str().ok());
     let pairs = all.flat_map(|v| v.split(';')).filter_map(|pair| pair.trim().split_once('='));
     pairs.filter(|(name, _)| *name == COOKIE_NAME).map(|(_, value)| value)
 }
 
-/// The secret of an Authorization header, and its scheme.
+/// The secret in an Authorization header, and the scheme of the header: Basic or Bearer.
 #[derive(Debug, PartialEq, Eq)]
 struct Credential {
     is_basic: bool,
@@ -120,7 +120,7 @@ fn credential(value: &HeaderValue) -> Option<Credential> {
     Some(Credential { is_basic: true, secret: decoded[colon + 1..].to_vec() })
 }
 
-/// Returns true if a browser sent a stored password.
+/// Returns true if a request carries Basic credentials, which a browser stores and adds by itself.
 pub(super) fn is_basic(headers: &HeaderMap) -> bool {
     headers.get_all(AUTHORIZATION).iter().filter_map(credential).any(|c| c.is_basic)
 }
@@ -166,7 +166,7 @@ fn denied(context: &Context, sender: &Sender, denial: Denial) -> Response {
     }
     context.counts.refused("token");
     // Navigations get the log-in form. Pictures and programs get a Basic challenge, for which a browser shows a password dialog;
-    // fetch requests of scripts get a Bearer challenge, for which it does not.
+    // fetch requests of scripts get a Bearer challenge, for which a browser shows no dialog.
     let accepts_pages =
         sender.text(&axum::http::header::ACCEPT).is_some_and(|accept| accept.contains("text/html"));
     let is_script = sender.text(&HeaderName::from_static("sec-fetch-mode")) == Some("cors");
@@ -182,7 +182,7 @@ fn denied(context: &Context, sender: &Sender, denial: Denial) -> Response {
     response
 }
 
-/// Counts and returns the refusal of credentials that are not checked.
+/// Counts and returns the refusal of a client whose credentials are not checked for the duration `wait`.
 fn blocked(context: &Context, wait: Duration) -> Response {
     context.counts.refused("guessing");
     let seconds = wait.as_secs() + 1;
@@ -198,7 +198,7 @@ pub(super) struct LogIn {
     token: String,
 }
 
-/// Shows the log-in form.
+/// Answers with the log-in form.
 pub(super) async fn form(State(context): State<Context>) -> Response {
     match context.admission.access {
         Access::Open => no_token(),
@@ -210,7 +210,7 @@ fn no_token() -> Response {
     line(StatusCode::OK, "this probe has no token: no log-in is needed")
 }
 
-/// Sets the session cookie when the form contains the token.
+/// Answers a submitted log-in form: sets the session cookie if the form contains the token.
 pub(super) async fn log_in(State(context): State<Context>, sender: Sender, request: Request) -> Response {
     if sender.cause(&context.admission.origins) == Cause::ForeignPage {
         return foreign(&context, "a log-in sent by a page of another site");

@@ -7,7 +7,8 @@ use hemilux_core::wire::Stale;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Longest wait for the next frame, below the two seconds after which clients repeat a request.
+/// Longest time that a request for lights waits for the next frame: below the two seconds after which clients
+/// repeat a request.
 pub(super) const LONGEST_WAIT: Duration = Duration::from_millis(1500);
 
 /// The light set that answers a request, with its age if it is stale.
@@ -18,14 +19,15 @@ pub(super) struct Answer {
 }
 
 impl Answer {
-    /// Returns `set` with its present age: stale when older than [`LONGEST_WAIT`], or when `is_late`.
+    /// Returns `set` with its present age, as stale if the set is older than [`LONGEST_WAIT`] or if `is_late`.
     pub(super) fn of(link: &Link, set: Arc<OwnedSet>, is_late: bool) -> Self {
         let age = link.staleness(&set);
         let stale = (is_late || u128::from(age.age_ms) > LONGEST_WAIT.as_millis()).then_some(age);
         Self { set, stale }
     }
 
-    /// Returns the newest set of `selection`, or the probe's own set while `selection` has none; `None` before the first frame.
+    /// Returns the newest set of the tier that serves `selection`, or the probe's own set while that tier has none; `None`
+    /// before the first frame.
     pub(super) fn newest(link: &Link, selection: Selection, is_late: bool) -> Option<Self> {
         let own = link.sets().latest()?;
         let set = match link.tiers().request(selection) {

@@ -1,20 +1,21 @@
-//! Limits the rate at which each client may guess the token.
+//! Limits the rate at which each client may guess the token of the server.
 
 use super::client_key::ClientKey;
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Number of wrong credentials that a client may send in a burst.
+/// Number of wrong credentials that a client may send without a pause.
 const BURST: u32 = 10;
 
-/// Interval of further wrong credentials after the burst: 30 per minute.
+/// Interval at which a client may send further wrong credentials after [`BURST`]: 30 per minute.
 const INTERVAL: Duration = Duration::from_secs(2);
 
-/// Largest number of clients that are stored; beyond it, the client whose last failure is oldest is dropped.
+/// Largest number of clients with recorded failures; beyond it, the client whose failures expire first is
+/// dropped.
 const CLIENTS: usize = 1024;
 
-/// Failed attempts of each client.
+/// Failed attempts of each client to guess the token.
 #[derive(Debug, Default)]
 pub(super) struct Attempts {
     /// The time at which all failures of a client are expired: each failure delays it by [`INTERVAL`].
@@ -22,7 +23,8 @@ pub(super) struct Attempts {
 }
 
 impl Attempts {
-    /// Returns the time for which the credentials of `client` are not checked; `None` if they are checked now.
+    /// Returns the time from `now` on for which the credentials of `client` are not checked; `None` if they are
+    /// checked now.
     pub(super) fn blocked(&self, client: ClientKey, now: Instant) -> Option<Duration> {
         let forgiven = self.forgiven.lock().unwrap_or_else(PoisonError::into_inner);
         let left = forgiven.get(&client)?.saturating_duration_since(now);

@@ -1,4 +1,4 @@
-//! `/change`: sets settings from the next frame, all of a request or none.
+//! `/change`: sets settings of the probe from the next frame on, all settings of a request or none.
 
 use super::access::{self, BODY_TIME};
 use super::origin::{Cause, Sender};
@@ -13,12 +13,12 @@ use hemilux_core::SamplerKind;
 use hemilux_core::healpix::Domain;
 use std::time::Duration;
 
-/// Longest wait for the frame that confirms a change.
+/// Longest time that `/change` waits for the frame that confirms a change.
 const LONGEST_WAIT: Duration = Duration::from_millis(1500);
 
 type Pairs = Vec<(String, String)>;
 
-/// Answers without a query with a form, else changes the settings in the query.
+/// Answers a request without a query with a form, and any other by changing the settings that its query names.
 ///
 /// A browser's request must prove that a page of this server caused it; otherwise the answer is a form with the parameters, by which the user
 /// confirms the change. With stored Basic credentials, every navigation gets this form: the browser adds the credentials to any link.
@@ -85,10 +85,10 @@ async fn apply_allowed(context: &Context, pairs: &[(String, String)]) -> Respons
     }
 }
 
-/// Changes settings and waits until the processing thread has applied them; `None` if that takes longer than [`LONGEST_WAIT`].
+/// Changes settings and waits until the processing thread has applied them; `None` if the wait exceeds [`LONGEST_WAIT`].
 ///
 /// # Errors
-/// The refused setting and the reason; nothing is changed then.
+/// The refused setting and the reason; no setting is changed then.
 pub(super) async fn make(context: &Context, change: &Change) -> Result<Option<Applied>, Refusal> {
     let mut applied = context.link.settings().applied();
     let serial = context.link.settings().change(change)?;
@@ -103,13 +103,13 @@ fn confirm(answer: &Applied, pairs: &[(String, String)]) -> Response {
     }
 }
 
-/// Returns an answer of status 400 with `found` and the list of accepted parameters.
+/// Returns an answer of status 400 that states `found` and lists the accepted parameters of `/change`.
 fn refused(found: &str) -> Response {
     let found = found.strip_prefix("found ").unwrap_or(found);
     line(StatusCode::BAD_REQUEST, &format!("found {found}; nothing was changed. Accepted:\n{}", accepted()))
 }
 
-/// Lists the parameters and their values, one per line.
+/// Lists the parameters of `/change` and their values, one per line.
 fn accepted() -> String {
     let line = |setting: &crate::probe::settings::Setting| match setting.kind {
         Kind::Choice(words) => format!("{}={}", setting.parameter, words.join("|")),

@@ -27,7 +27,7 @@ pub(super) async fn openapi(headers: HeaderMap) -> Response {
     DESCRIPTION.answer(&headers)
 }
 
-/// The text of `openapi.json`, with two markers replaced by the settings of the table.
+/// The text of `openapi.json`, in which the settings of the probe replace two markers.
 pub(super) static OPENAPI: LazyLock<String> = LazyLock::new(|| {
     include_str!("openapi.json")
         .replace("[\"SETTINGS\"]", &settings::parameters().to_string())

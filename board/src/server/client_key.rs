@@ -1,4 +1,4 @@
-//! The key under which the server counts a client.
+//! The key under which the server counts the connections and failed attempts of a client.
 
 use std::net::{IpAddr, Ipv6Addr};
 

@@ -1,5 +1,5 @@
-//! `/v1/compare`: the probe's own light set and that of a second sampler for the same frame. It requires the token, since it costs processing
-//! time; one second sampler runs at a time for all clients.
+//! `/v1/compare`: the probe's own light set and that of a second sampler for the same frame. The request requires the token, since a second
+//! sampler costs processing time; one second sampler runs at a time for all clients.
 
 use super::access::Allowed;
 use super::answer::{Answer, LONGEST_WAIT};
@@ -21,14 +21,14 @@ use hemilux_core::wire::{self, Coordinates, LightSet, Stale};
 use serde_json::json;
 use std::sync::Arc;
 
-/// Scores each pair of sets once for all requests; locked while a pair is scored.
+/// Computes the scores of each pair of light sets once for all requests; locked during the computation.
 #[derive(Default)]
 pub(super) struct ComparisonScores(Arc<tokio::sync::Mutex<ScoreState>>);
 
 #[derive(Default)]
 struct ScoreState {
     judge: Judge<2>,
-    /// The sampler and the frame of `scores`.
+    /// The second sampler and the frame number to which `scores` belong.
     key: Option<(Contender, u64)>,
     scores: [Score; 2],
 }
@@ -52,7 +52,7 @@ fn lit(set: &OwnedSet) -> Lit<'_> {
     Lit { lights: &set.lights, ambient: set.ambient_sh.as_ref() }
 }
 
-/// The parameters of a comparison.
+/// The query parameters of `/v1/compare`.
 struct ComparisonQuery {
     contender: Contender,
     coordinates: Coordinates,
@@ -92,7 +92,7 @@ fn wanted(uri: &Uri) -> Result<ComparisonQuery, String> {
     Ok(ComparisonQuery { contender, coordinates, after })
 }
 
-/// Answers with the two sets of the next frame and their scores.
+/// Answers with the two light sets of the next frame and their scores.
 pub(super) async fn compare(State(context): State<Context>, _: Allowed, uri: Uri) -> Response {
     let ComparisonQuery { contender, coordinates, after } = match wanted(&uri) {
         Ok(wanted) => wanted,
@@ -140,7 +140,7 @@ fn no_pair_yet(context: &Context) -> Response {
     response
 }
 
-/// Returns the refusal while another comparison is in progress.
+/// Returns the refusal of a comparison while clients compare with `other`.
 fn taken(other: Contender) -> Response {
     let Contender { sampler, lights, soft } = other;
     let lights = if soft { format!("{lights} discs") } else { format!("{lights} lights") };
@@ -150,7 +150,7 @@ fn taken(other: Contender) -> Response {
     response
 }
 
-/// Returns the text of the answer; `None` only for a programming error.
+/// Returns the text of the answer to `/v1/compare`; `None` only for a programming error.
 fn written(
     mut bench: tokio::sync::OwnedMutexGuard<ScoreState>,
     pair: &Pair,

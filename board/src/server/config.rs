@@ -1,4 +1,4 @@
-//! `/v1/config`: the settings with their schemas as JSON, and changes of settings.
+//! `/v1/config`: the settings of the probe with their schemas as JSON, and changes of settings.
 
 use super::access::{Allowed, BODY_TIME};
 use super::{Context, change};
@@ -17,7 +17,8 @@ pub(super) async fn show(State(context): State<Context>) -> Response {
     answer(StatusCode::OK, &document(&context, &config))
 }
 
-/// Changes the settings in the JSON object of the body, all of them or none; `?save=1` writes the settings to the configuration file.
+/// Changes the settings that the JSON object in the body names, all of them or none; `?save=1` writes the settings to the
+/// configuration file.
 pub(super) async fn change(State(context): State<Context>, _: Allowed, request: Request) -> Response {
     let query = Query::<Vec<(String, String)>>::try_from_uri(request.uri());
     let save = match query.as_ref().map(|q| q.as_slice()) {
@@ -65,7 +66,7 @@ async fn keep(context: &Context, config: Config) -> Response {
         Ok(Ok(())) => answer(StatusCode::OK, &document),
         Ok(Err(error)) => {
             tracing::warn!("{error}");
-            // The error contains a path, which is not disclosed to clients.
+            // The error contains the path of the configuration file, which is not disclosed to clients.
             errors(
                 StatusCode::INTERNAL_SERVER_ERROR,
                 &json!({"save": "in effect, but the configuration file could not be written"}),
@@ -98,7 +99,7 @@ pub(super) fn errors(status: StatusCode, each: &Value) -> Response {
     answer(status, &json!({"errors": each}))
 }
 
-/// Returns an answer in JSON that caches do not store.
+/// Returns a JSON answer that caches do not store.
 pub(super) fn answer(status: StatusCode, document: &Value) -> Response {
     (status, [(CONTENT_TYPE, "application/json"), (CACHE_CONTROL, "no-store")], format!("{document}\n"))
         .into_response()

@@ -20,10 +20,11 @@ pub(super) const REASONS: [&str; 11] = [
     "accept",
 ];
 
-/// Number of status classes, 1xx to 5xx.
+/// Number of classes of HTTP status codes, 1xx to 5xx.
 pub(super) const CLASSES: usize = 5;
 
-/// Upper bounds of the delivery histogram, microseconds: from the finished set to the answer's transfer to the connection.
+/// Upper bounds of the bins of the histogram of delivery times, microseconds: from the finished light set to the transfer
+/// of the answer to the connection.
 pub(super) const DELIVERY_US: [u64; 10] =
     [100, 250, 500, 1000, 2000, 5000, 10_000, 25_000, 100_000, 1_000_000];
 
@@ -34,27 +35,27 @@ const QUIET_MS: u64 = 60_000;
 #[derive(Debug)]
 pub(super) struct Counts {
     began: Instant,
-    /// Number of answers by route and status class; the last route counts unknown paths.
+    /// Number of answers by route and class of status; the last route counts the answers to unknown paths.
     pub(super) requests: [[AtomicU64; CLASSES]; PATHS.len() + 1],
     refused: [Refused; REASONS.len()],
     /// Number of open connections.
     pub(super) open: AtomicU64,
     /// Number of accepted connections.
     pub(super) accepted: AtomicU64,
-    /// Number of open event streams and WebSockets.
+    /// Number of open streams of server-sent events and of open WebSockets.
     pub(super) streams: AtomicU64,
     /// Number of delivered light sets by delivery time; the last element counts times above the last bound.
     pub(super) delivery: [AtomicU64; DELIVERY_US.len() + 1],
-    /// Sum of the delivery times, microseconds.
+    /// Sum of the delivery times of all light sets, microseconds.
     pub(super) delivery_us: AtomicU64,
 }
 
 #[derive(Debug, Default)]
 struct Refused {
     count: AtomicU64,
-    /// Value of `count` at the last log line.
+    /// Value of `count` when the last line about this reason was logged.
     told: AtomicU64,
-    /// Earliest time of the next log line, milliseconds since the start.
+    /// Earliest time of the next log line about this reason, milliseconds since the start.
     quiet_until: AtomicU64,
 }
 
@@ -81,7 +82,7 @@ impl Counts {
         self.requests[route][class].fetch_add(1, Relaxed);
     }
 
-    /// Counts a light set that was sent the time `passed` after it was finished.
+    /// Counts a light set that was sent `passed` after the set was finished.
     pub(super) fn delivered(&self, passed: Duration) {
         let us = u64::try_from(passed.as_micros()).unwrap_or(u64::MAX);
         let bucket = DELIVERY_US.iter().position(|bound| us <= *bound).unwrap_or(DELIVERY_US.len());
@@ -89,7 +90,7 @@ impl Counts {
         self.delivery_us.fetch_add(us, Relaxed);
     }
 
-    /// Counts a refusal for one of [`REASONS`].
+    /// Counts a refusal under `reason`, one of [`REASONS`].
     pub(super) fn refused(&self, reason: &'static str) {
         let Some(refused) = REASONS.iter().position(|r| *r == reason).map(|i| &self.refused[i]) else {
             return;
@@ -101,7 +102,7 @@ impl Counts {
             && refused.quiet_until.compare_exchange(until, now + QUIET_MS, Relaxed, Relaxed).is_ok();
         if mine {
             let since = count.saturating_sub(refused.told.swap(count, Relaxed));
-            // An idle browser connection times out like a slow one.
+            // An idle connection of a browser times out like one of a slow client.
             if reason == "slow" {
                 tracing::info!("closed: {reason} ({since} since the last such line)");
             } else {
@@ -110,7 +111,7 @@ impl Counts {
         }
     }
 
-    /// Returns the number of refusals for each reason.
+    /// Returns the number of refusals since the start for each of [`REASONS`].
     pub(super) fn refusals(&self) -> impl Iterator<Item = (&'static str, u64)> {
         REASONS.iter().copied().zip(self.refused.iter().map(|r| r.count.load(Relaxed)))
     }

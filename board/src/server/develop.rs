@@ -25,12 +25,12 @@ pub(super) fn develop(frame: &Frame, calibration: &Calibration) -> Option<Vec<u8
     Some(rgb)
 }
 
-/// Returns the code from which a developed sample is clipped.
+/// Returns the 8-bit code from which on a sample of a developed picture is clipped.
 pub(super) fn white(calibration: &Calibration) -> f64 {
     if calibration.layout.format().max_code() > 255 { 255.0 } else { calibration.levels.white }
 }
 
-/// Returns a table from the codes of the format to eight bits.
+/// Returns a table from the codes of a format deeper than eight bits to codes of eight bits.
 fn deep(c: &Calibration) -> Vec<u8> {
     if c.layout.format().max_code() <= 255 {
         return (0..=u8::MAX).collect();
@@ -76,7 +76,7 @@ mod tests {
         assert_eq!(seen(Format::Nv12(grey), 2, 2, plane), Some(expected));
         let cell = seen(Format::Bayer8(Pattern::Bggr), 2, 2, vec![30, 20, 21, 200]);
         assert_eq!(cell, Some([red; 4].as_flattened().to_vec()));
-        // The red and green row has codes 1023, 0, 0, 0; the row below has codes 0.
+        // The row with red and green samples has codes 1023, 0, 0, 0; the row below has codes 0.
         let raw =
             seen(Format::Raw10(Pattern::Rggb), 4, 2, vec![255, 0, 0, 0, 3, 0, 0, 0, 0, 0]).expect("whole");
         assert_eq!((&raw[..3], &raw[9..12]), (&[255, 0, 0][..], &[0, 0, 0][..]));

@@ -1,5 +1,5 @@
-//! One thread for long work of clients, limited to half of one core. Of the waiting jobs, the one whose kind has used the least processor time
-//! runs first: cheap answers keep their rate, costly ones become less frequent.
+//! One thread for long jobs that requests of clients cause, limited to half of one core. Of the waiting jobs, the one whose kind has used the
+//! least processor time runs first: answers with short jobs keep their rate, those with long jobs become less frequent.
 
 use rustix::process::{getpriority_process, setpriority_process};
 use rustix::time::{ClockId, clock_gettime};
@@ -9,13 +9,13 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 
-/// Processor time of a job above which the thread pauses afterwards for the duration of the job.
+/// Processor time of a job above which the thread pauses after the job, for the same duration as the job took.
 const LONG: Duration = Duration::from_millis(1);
 
 /// Half-life of the recorded processor time of a kind of job.
 const HALF_LIFE: Duration = Duration::from_secs(1);
 
-/// Largest number of kinds with a recorded processor time.
+/// Largest number of kinds of jobs with a recorded processor time.
 const KINDS: usize = 256;
 
 /// A thread that runs jobs of the kinds `K`; it ends when the encoder is dropped.
@@ -32,7 +32,7 @@ struct Queue<K> {
 
 struct EncoderState<K> {
     jobs: Vec<Job<K>>,
-    /// Processor time of each kind, and the time at which it was recorded.
+    /// Recorded processor time of each kind of job, and the time at which it was recorded.
     spent: HashMap<K, (Duration, Instant)>,
 }
 
@@ -54,7 +54,7 @@ impl<K> Drop for Encoder<K> {
 }
 
 impl<K: Copy + Eq + Hash + Send + 'static> Encoder<K> {
-    /// Starts the thread, called `name`, with a nice value that is higher than that of the process by `nice`.
+    /// Starts the thread, called `name`; its nice value exceeds that of the process by `nice`.
     pub(super) fn new(name: &str, nice: i32) -> Self {
         let state = Mutex::new(EncoderState { jobs: Vec::new(), spent: HashMap::new() });
         let queue = Arc::new(Queue { state, changed: Condvar::new() });
@@ -65,7 +65,7 @@ impl<K: Copy + Eq + Hash + Send + 'static> Encoder<K> {
         Self { queue }
     }
 
-    /// Runs `work` on the thread; `None` if `work` panics.
+    /// Runs `work`, a job of one kind, on the thread and returns its result; `None` if `work` panics.
     pub(super) async fn run<T: Send + 'static>(
         &self,
         kind: K,
@@ -86,7 +86,8 @@ impl<K> Queue<K> {
 }
 
 impl<K: Copy + Eq + Hash> EncoderState<K> {
-    /// Returns the recorded processor time of `kind`, halved for each [`HALF_LIFE`] since the record.
+    /// Returns the recorded processor time of the jobs of `kind`, halved for each [`HALF_LIFE`] since the
+    /// record.
     fn spent(&self, kind: K, now: Instant) -> Duration {
         let Some((spent, noted)) = self.spent.get(&kind) else { return Duration::ZERO };
         let lives = now.saturating_duration_since(*noted).as_secs_f32() / HALF_LIFE.as_secs_f32();
@@ -107,7 +108,7 @@ impl<K: Copy + Eq + Hash> EncoderState<K> {
     }
 }
 
-/// Lowers the priority of the calling thread. On Linux, the nice value belongs to a thread.
+/// Raises the nice value of the calling thread by `by`. On Linux, each thread has a nice value.
 fn nice_thread(by: i32) -> rustix::io::Result<()> {
     setpriority_process(None, getpriority_process(None)? + by)
 }
@@ -119,7 +120,7 @@ fn processor_time() -> Duration {
     Duration::new(seconds.unwrap_or(0), nanoseconds.unwrap_or(0))
 }
 
-/// Runs jobs until the encoder is dropped.
+/// Runs the jobs of the queue until the encoder is dropped.
 fn run<K: Copy + Eq + Hash>(queue: &Weak<Queue<K>>, nice: i32) {
     let _ = nice_thread(nice);
     while let Some(queue) = queue.upgrade() {
@@ -131,7 +132,7 @@ fn run<K: Copy + Eq + Hash>(queue: &Weak<Queue<K>>, nice: i32) {
         };
         drop(state);
         let began = processor_time();
-        // The waiting request detects a panic by the closed channel.
+        // The request that waits for the result detects a panic by the closed channel.
         let _ = std::panic::catch_unwind(std::panic::AssertUnwindSafe(work));
         let took = processor_time().saturating_sub(began);
         queue.lock().note(kind, took, Instant::now());

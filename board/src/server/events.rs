@@ -1,5 +1,5 @@
-//! `/v1/events` and `/v1/socket`: a light set per frame, sent as it is finished. A slow client skips frames and does not delay other clients; the
-//! next set that it gets is the newest.
+//! `/v1/events` and `/v1/socket`: a light set per frame, sent when it is finished. A slow client skips frames and does not delay other clients;
+//! the next set that it gets is the newest.
 
 use super::access;
 use super::answer::LONGEST_WAIT;
@@ -26,47 +26,48 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
 
-/// Largest message that a WebSocket client may send, bytes; the protocol needs none.
+/// Largest message that a WebSocket client may send, bytes; the protocol needs no messages of clients.
 const MESSAGE_BYTES: usize = 1 << 10;
 
-/// Largest message that is read, bytes; a larger one ends the connection without a close code.
+/// Largest message of a WebSocket client that is read, bytes; a larger one ends the connection without a close
+/// code.
 const READ_BYTES: usize = 64 << 10;
 
-/// Longest time for the exchange of close frames.
+/// Longest time for the exchange of the close frames of a WebSocket.
 const CLOSE_TIME: Duration = Duration::from_secs(1);
 
-/// Interval at which the backlog of a slow client is checked.
+/// Interval at which the backlog of a slow client of a stream is checked.
 const BACKLOG_PAUSE: Duration = Duration::from_millis(20);
 
-/// Longest time without a set for a slow client: the measured backlog may exceed the actual one.
+/// Longest time without a set for a slow client of a stream: the measured backlog may exceed the actual one.
 const LONGEST_SKIP: Duration = Duration::from_millis(1200);
 
-/// Server-sent field that sets a client's delay before a reconnection, milliseconds.
+/// Server-sent field that sets a client's delay before it connects again, milliseconds.
 const RETRY: &str = "retry: 1000\n\n";
 
-/// The light sets for one client of a stream.
+/// The light sets that one client of a stream gets, and the state of their delivery.
 struct Feed {
     context: Context,
     variant: Variant,
     latest: watch::Receiver<Option<Arc<OwnedSet>>>,
     /// The client's connection; `None` for a request without a socket.
     connection: Option<Arc<ConnectionGuard>>,
-    /// The id of the client's last event; `None` if it has none.
+    /// The id of the last event that the client has received; `None` before its first event.
     has: Option<String>,
     is_first: bool,
-    /// Length of the last set that was sent, bytes.
+    /// Length of the last light set that was sent to the client, bytes.
     length: usize,
-    /// Enlarged send buffer, held while sets are long.
+    /// Enlarged send buffer of the connection, held while light sets are long.
     enlarged: Option<Enlarged>,
     sent: Instant,
 }
 
-/// The next item of a stream.
+/// The next item that a stream sends.
 enum Next {
     Set(Bytes),
-    /// There is no set yet; a comment is sent.
+    /// There is no light set yet; the stream sends a comment.
     None,
-    /// The server stops, and the stream ends.
+    /// The server shuts down, and the stream ends.
     Stop,
 }
 
@@ -92,8 +93,9 @@ impl Feed {
         }
     }
 
-    /// Returns the next set's bytes. They come at once if the client does not have the newest set, else with the next frame for which the
-    /// client has received enough of the last sets. After [`LONGEST_WAIT`] without a frame, the last set is returned again, marked stale.
+    /// Returns the bytes of the next light set. If the client does not have the newest set, it is returned at once, else the set of the
+    /// next frame for which the client has received enough of the last sets. After [`LONGEST_WAIT`] without a frame, the last set is
+    /// returned again, marked stale.
     async fn next(&mut self) -> Next {
         let mut stop = self.context.stop.subscribe();
         let (ready, id) = loop {
@@ -131,18 +133,19 @@ impl Feed {
         Next::Set(ready.bytes)
     }
 
-    /// Waits for a newer set and for space in the client's queue; returns true if none came within [`LONGEST_WAIT`].
+    /// Waits for a newer light set and for space in the queue of the client's connection; returns true if no newer
+    /// set came within [`LONGEST_WAIT`].
     async fn wait(&self) -> bool {
         let newer = self.context.link.sets().newer(&self.latest);
         let is_late = tokio::time::timeout(LONGEST_WAIT, newer).await.is_err();
-        // A slow client skips the sets of this time and then gets the newest one.
+        // A slow client skips the light sets of the time of this loop and then gets the newest one.
         while self.is_backlogged() {
             tokio::time::sleep(BACKLOG_PAUSE).await;
         }
         is_late
     }
 
-    /// Returns true if sets are queued on the connection to the client.
+    /// Returns true if light sets are queued on the connection to the client.
     fn is_backlogged(&self) -> bool {
         let is_recent = self.sent.elapsed() < LONGEST_SKIP;
         is_recent && self.connection.as_ref().is_some_and(|c| c.queues.is_backlogged(2 * self.length))
@@ -160,7 +163,7 @@ impl Drop for Feed {
     }
 }
 
-/// Parses the parameters of a stream.
+/// Parses the query parameters of a stream.
 fn variant(uri: &Uri, fixed: Option<Format>) -> Result<Variant, String> {
     match wanted(uri, &HeaderMap::new(), fixed) {
         Ok(SetQuery { variant: Variant { format: Format::File(form), .. }, .. }) => {
@@ -196,7 +199,8 @@ pub(super) async fn events(
     let sets = futures_util::stream::unfold(feed, move |mut feed| async move {
         let bytes = match feed.next().await {
             Next::Set(bytes) => bytes,
-            // A comment, whose failed transmission ends the stream of a client that has disconnected.
+            // The stream sends a comment: if the client has disconnected, the transmission fails and ends the
+            // stream.
             Next::None => part(": no frame yet\n\n"),
             Next::Stop => return None,
         };
@@ -218,14 +222,14 @@ pub(super) async fn events(
     response
 }
 
-/// Upgrades to a WebSocket: each message is a light set, as text unless `format=binary`.
+/// Upgrades the connection to a WebSocket: each message is a light set, as text unless `format=binary`.
 pub(super) async fn socket(
     State(context): State<Context>,
     sender: Sender,
     extensions: Extensions,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Response {
-    // Browsers let any page open a WebSocket to any server, and send the page's origin.
+    // Browsers let any page open a WebSocket to any server, and send the origin of the page.
     if sender.cause(&context.admission.origins) == Cause::ForeignPage {
         return access::foreign(&context, "a WebSocket opened by a page of another site");
     }
@@ -258,7 +262,7 @@ enum End {
     TooLarge,
 }
 
-/// Sends sets until the client or the server ends the WebSocket.
+/// Sends light sets until the client or the server ends the WebSocket.
 async fn push(mut socket: WebSocket, mut feed: Feed) {
     let end = loop {
         let bytes = match unless_closed(&mut socket, feed.next()).await {
@@ -272,7 +276,7 @@ async fn push(mut socket: WebSocket, mut feed: Feed) {
         let message = if feed.variant.format == Format::Binary {
             Message::Binary(bytes)
         } else {
-            // Sets are UTF-8.
+            // All forms but the binary one are UTF-8.
             Message::Text(Utf8Bytes::try_from(bytes).unwrap_or_default())
         };
         if socket.send(message).await.is_err() {
@@ -290,7 +294,8 @@ async fn finish(mut socket: WebSocket) {
     let _ = tokio::time::timeout(CLOSE_TIME, rest).await;
 }
 
-/// Waits for `next`; ignores small messages of the client meanwhile.
+/// Waits for `next` and meanwhile ignores messages of the client of at most [`MESSAGE_BYTES`]; returns an error
+/// if the WebSocket ends.
 async fn unless_closed<T>(socket: &mut WebSocket, next: impl Future<Output = T>) -> Result<T, End> {
     tokio::pin!(next);
     loop {

@@ -1,4 +1,5 @@
-//! Files that are compiled into the program: compressed once, and sent again only when they have changed.
+//! Files that are compiled into the program: compressed once, and sent to a client again only when they have
+//! changed.
 
 use super::packed;
 use axum::body::Bytes;
@@ -10,26 +11,27 @@ use axum::response::{IntoResponse, Response};
 use std::hash::{DefaultHasher, Hasher};
 use std::sync::OnceLock;
 
-/// A text file of the program.
+/// A text file that is compiled into the program.
 pub(super) struct File {
     kind: &'static str,
     text: &'static str,
     packed: OnceLock<Packed>,
 }
 
-/// Compressed bytes and tag of a file, computed at its first request.
+/// The compressed bytes and the entity tag of a file, computed at the file's first request.
 struct Packed {
     gzip: Bytes,
     tag: HeaderValue,
 }
 
 impl File {
-    /// Creates a file of the content type `kind`.
+    /// Creates a file with the contents `text` and the content type `kind`.
     pub(super) const fn new(kind: &'static str, text: &'static str) -> Self {
         Self { kind, text, packed: OnceLock::new() }
     }
 
-    /// Answers with the file, or 304 where `headers` contain its tag. Browsers revalidate it each time, since it changes with the program.
+    /// Answers with the file, or with status 304 where `headers` contain the file's tag. Browsers ask for the file each time, since it
+    /// changes with the program.
     pub(super) fn answer(&self, headers: &HeaderMap) -> Response {
         let Packed { gzip, tag } = self.packed.get_or_init(|| pack(self.text));
         let known = headers.get_all(IF_NONE_MATCH).iter().filter_map(|v| v.to_str().ok());
@@ -57,13 +59,13 @@ impl File {
 fn pack(text: &str) -> Packed {
     let mut hasher = DefaultHasher::new();
     hasher.write(text.as_bytes());
-    // The tag is weak: it is the same with and without compression.
+    // The tag is weak: it is the same for the compressed and the uncompressed file.
     let tag = HeaderValue::from_str(&format!("W/\"{:016x}\"", hasher.finish()));
     let tag = tag.unwrap_or(HeaderValue::from_static("W/\"\""));
     Packed { gzip: packed::file(text.as_bytes()).into(), tag }
 }
 
-/// Returns true if the client accepts gzip.
+/// Returns true if the headers of a request accept gzip.
 pub(super) fn accepts_gzip(headers: &HeaderMap) -> bool {
     let all = headers.get_all(ACCEPT_ENCODING).iter().filter_map(|v| v.to_str().ok());
     all.flat_map(|v| v.split(',')).any(|coding| {

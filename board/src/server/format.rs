@@ -7,13 +7,14 @@ use crate::export::{Form, encode};
 use axum::http::HeaderValue;
 use hemilux_core::wire;
 
-/// Usual number of bytes of an answer without its lights.
+/// Usual number of bytes of an answer in addition to its lights.
 const HEAD_BYTES: usize = 4096;
 
-/// File name by which a USD scene refers to the map: that of `/v1/map.exr`, when both are saved in one folder.
+/// File name by which an exported USD scene refers to the map: that of `/v1/map.exr`, when both files are saved
+/// in one folder.
 const MAP: &str = "./map.exr";
 
-/// A form of the light set.
+/// An encoded form of a light set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Format {
     Json,
@@ -24,14 +25,14 @@ pub(super) enum Format {
     Event,
     /// A server-sent event as a part of a gzip stream.
     PackedEvent,
-    /// The values of a WebXR light estimate.
+    /// The values of a WebXR light estimate as JSON.
     Estimate,
     /// A file for another program: a table or a scene.
     File(Form),
 }
 
 impl Format {
-    /// The values of the parameter `format` and their forms.
+    /// The values of the query parameter `format`, each with its form.
     pub(super) const NAMED: [(&str, Self); 10] = [
         ("json", Self::Json),
         ("text", Self::Text),
@@ -49,12 +50,12 @@ impl Format {
         Self::NAMED.iter().find(|(n, _)| *n == name).map(|(_, format)| *format)
     }
 
-    /// Returns true if the form contains ambient light in addition to lights.
+    /// Returns true if sets in this form contain ambient light in addition to lights.
     pub(super) fn has_ambient(self) -> bool {
         matches!(self, Self::Json | Self::Binary | Self::Event | Self::PackedEvent | Self::Estimate)
     }
 
-    /// Returns the number of bytes that a light usually does not exceed.
+    /// Returns the number of bytes that one light in this form usually does not exceed.
     const fn bytes_per_light(self) -> usize {
         match self {
             Self::Binary => 40,
@@ -67,7 +68,7 @@ impl Format {
         }
     }
 
-    /// Returns the number of bytes that a set of `lights` lights usually does not exceed.
+    /// Returns the number of bytes that a set of `lights` lights in this form usually does not exceed.
     pub(super) const fn expected_length(self, lights: usize) -> usize {
         HEAD_BYTES + self.bytes_per_light() * lights
     }
@@ -88,8 +89,8 @@ impl Format {
         })
     }
 
-    /// Encodes `set` into a buffer with a capacity of `room` bytes; `None` only for a programming error, since writing to memory does not
-    /// fail.
+    /// Encodes `set` in this form into a buffer with a capacity of `room` bytes; `None` only for a programming error, since writing to
+    /// memory does not fail.
     pub(super) fn encode(self, set: &wire::LightSet<'_>, room: usize) -> Option<Vec<u8>> {
         let mut bytes = Vec::with_capacity(room);
         let written = match self {
@@ -114,7 +115,8 @@ impl Format {
     }
 }
 
-/// Returns the id of an event, which a client sends as Last-Event-ID when it reconnects.
+/// Returns the id of the server-sent event of `frame`, which a client sends as Last-Event-ID when it connects
+/// again.
 pub(super) fn event_id(run: &str, frame: u64) -> String {
     format!("{run}-{frame}")
 }

@@ -14,7 +14,8 @@ use axum::response::Response;
 use std::time::Duration;
 use tower_http::cors::{AllowOrigin, CorsLayer};
 
-/// Content-Security-Policy: pages load from and connect to this server alone, and no frame may show them.
+/// Content-Security-Policy of every answer: pages load from and connect to this server alone, and no frame may
+/// show them.
 const POLICY: HeaderValue = HeaderValue::from_static(
     "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; connect-src 'self'; img-src 'self' blob:; \
      form-action 'self'; frame-ancestors 'none'; base-uri 'none'",
@@ -35,7 +36,7 @@ const ANSWER_HEADERS: [HeaderName; 6] = [
     HeaderName::from_static("hemilux-grey"),
 ];
 
-/// Allows pages of `origins` to use the server.
+/// Allows scripts of pages of `origins` to use the server (CORS).
 pub(super) fn cors(origins: &[String]) -> CorsLayer {
     let origins = origins.iter().filter_map(|origin| HeaderValue::from_str(origin).ok());
     CorsLayer::new()
@@ -46,7 +47,7 @@ pub(super) fn cors(origins: &[String]) -> CorsLayer {
         .max_age(Duration::from_secs(600))
 }
 
-/// Refuses unknown hosts, and adds the headers of every answer.
+/// Refuses requests for unknown hosts, and adds the headers of every answer.
 pub(super) async fn finish(State(context): State<Context>, request: Request, next: Next) -> Response {
     let is_shared =
         request.headers().get(ORIGIN).is_some_and(|origin| is_allowed(origin, &context.admission.origins));

@@ -1,7 +1,7 @@
 //! The host names under which the server answers.
 //!
-//! A page of another site can let its own host name resolve to this machine (DNS rebinding) and would then read answers as its own. Every request
-//! must therefore have a known host.
+//! A page of another site can let the host name of that site resolve to this machine (DNS rebinding); the browser would then let the page read
+//! answers of this server. Every request must therefore have a known host.
 
 use super::line;
 use axum::extract::Request;
@@ -55,21 +55,22 @@ pub fn is_loopback(ip: IpAddr) -> bool {
     ip.to_canonical().is_loopback()
 }
 
-/// Returns the host's name or address, without port and brackets.
+/// Returns the name or address in a Host header, without port and brackets; `None` for an invalid header.
 fn name_of(host: &str) -> Option<&str> {
     let authority = (!host.contains('@')).then(|| host.parse::<Authority>().ok())??;
     let name = &host[..authority.host().len()];
     Some(name.trim_start_matches('[').trim_end_matches(']'))
 }
 
-/// The refusal of a request because of its Host header.
+/// The refusal of a request because of its Host header: reason and answer.
 pub(super) struct HostRefusal {
-    /// The reason under which the refusal is counted.
+    /// The reason under which the refusal is counted, one of [`super::counts::REASONS`].
     pub(super) reason: &'static str,
     pub(super) response: Response,
 }
 
-/// Returns the refusal of a request whose Host header is missing, repeated or unknown; `None` for an admitted one.
+/// Returns the refusal of a request whose Host header is missing, repeated or unknown; `None` for a request that
+/// is admitted.
 pub(super) fn refusal(hosts: &KnownHosts, request: &Request) -> Option<HostRefusal> {
     let Some(host) = host(request.uri(), request.headers()) else {
         // Browsers always send a Host header; clients of HTTP/1.0 may omit it.
@@ -84,7 +85,7 @@ pub(super) fn refusal(hosts: &KnownHosts, request: &Request) -> Option<HostRefus
         .then(|| HostRefusal { reason: "host", response: line(StatusCode::MISDIRECTED_REQUEST, text) })
 }
 
-/// Returns the one host of the request.
+/// Returns the only host of a request; `None` where the host is missing or repeated.
 pub(super) fn host<'a>(uri: &'a Uri, headers: &'a HeaderMap) -> Option<&'a str> {
     if let Some(authority) = uri.authority() {
         return Some(authority.as_str());

@@ -1,4 +1,4 @@
-//! Determines the client of each request.
+//! Determines the client of each request, which may have passed a proxy.
 
 use super::connection::ConnectionGuard;
 use super::proxy::Client;
@@ -9,7 +9,8 @@ use axum::middleware::Next;
 use axum::response::Response;
 use std::sync::Arc;
 
-/// Adds the [`Client`] of a request to its extensions and counts the connection under the client's key.
+/// Adds the [`Client`] of a request to the request's extensions and counts the connection under the client's
+/// key.
 pub(super) async fn identify(State(context): State<Context>, mut request: Request, next: Next) -> Response {
     let guard = request.extensions().get::<Arc<ConnectionGuard>>().cloned();
     let client = match &guard {

@@ -1,4 +1,5 @@
-//! `/v1/lights`, `/data`, `/xml` and `/lights.json`: the next finished frame, encoded once per frame for all requests with equal parameters.
+//! `/v1/lights`, `/data`, `/xml` and `/lights.json`: the light set of the next finished frame, encoded once per frame for all requests with
+//! equal parameters.
 
 use super::answer::LONGEST_WAIT;
 use super::connection::stopped;
@@ -16,7 +17,8 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri};
 use axum::response::{IntoResponse, Response};
 use std::time::Duration;
 
-/// Answers with the next finished frame, or after [`LONGEST_WAIT`] with the last one, marked stale.
+/// Answers with the light set of the next finished frame, or after [`LONGEST_WAIT`] with that of the last
+/// frame, marked stale.
 pub(super) async fn answer(
     State(context): State<Context>,
     uri: Uri,
@@ -61,7 +63,7 @@ pub(super) async fn estimate(state: State<Context>, uri: Uri) -> Response {
     answer(state, uri, HeaderMap::new(), Some(Format::Estimate)).await
 }
 
-/// Counts and returns the refusal of a request whose answer would exceed the memory limit.
+/// Counts and returns the refusal of a request whose answer would exceed the limit on the memory of answers.
 pub(super) fn too_much(context: &Context) -> Response {
     context.counts.refused("memory");
     let mut response = line(StatusCode::SERVICE_UNAVAILABLE, "too many large answers are being sent");
@@ -69,7 +71,7 @@ pub(super) fn too_much(context: &Context) -> Response {
     response
 }
 
-/// Returns the refusal of a form whose answer with `lights` lights would be too long.
+/// Returns the refusal of a request in the form `format`, whose answer with `lights` lights would be too long.
 fn too_long(format: Format, lights: usize) -> Response {
     let most = format.most_lights();
     let advice = format!(
@@ -95,8 +97,9 @@ pub(super) async fn health(State(context): State<Context>) -> Response {
     line(StatusCode::SERVICE_UNAVAILABLE, &format!("the last frame is {} ms old: {}", age.age_ms, age.reason))
 }
 
-/// Waits for a set whose frame is not `after`, or without `after` for the next set; returns true if there is one. A set that is there already and
-/// has another frame than `after` is newer, or of another run of the probe. Waits at most [`LONGEST_WAIT`], and not beyond the server's shutdown.
+/// Waits for a light set whose frame is not `after`, or without `after` for the next set; returns true if there is one. A present set with
+/// another frame number than `after` is newer, or of another run of the probe, and ends the wait at once. The wait lasts at most
+/// [`LONGEST_WAIT`], and ends with the server's shutdown.
 pub(super) async fn wait_for_set(context: &Context, after: Option<u64>) -> bool {
     let latest = context.link.sets().subscribe();
     let known = latest.borrow().as_ref().map(|set| set.frame);
@@ -110,7 +113,8 @@ pub(super) async fn wait_for_set(context: &Context, after: Option<u64>) -> bool 
     }
 }
 
-/// Waits at most [`LONGEST_WAIT`] for the first set of the tier that serves `selection`; returns true if there is one.
+/// Waits at most [`LONGEST_WAIT`] for the first light set of the tier that serves `selection`; returns true if there
+/// is one.
 pub(super) async fn wait_for_tier(context: &Context, selection: Selection) -> bool {
     let deadline = tokio::time::Instant::now() + LONGEST_WAIT;
     let mut stop = context.stop.subscribe();

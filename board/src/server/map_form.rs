@@ -8,22 +8,23 @@ use axum::http::Uri;
 use hemilux_core::polar::Grid;
 use std::f64::consts::TAU;
 
-/// Widths that a request can choose, texels; the default is the width of the polar map.
+/// Widths of a map that a request can choose, texels; the default is the width of the polar map.
 pub(super) const WIDTHS: [u16; 6] = [64, 128, 256, 512, 1024, 2048];
 
-/// Parameters of a map: part of the sphere, width, marks.
+/// Query parameters of a map: part of the sphere, width, marks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub(super) struct MapForm {
-    /// True if the map ends at the horizon.
+    /// True if the requested map ends at the horizon; false if it covers the sphere.
     pub(super) hemisphere: bool,
-    /// The width, texels; `None` for the width of the polar map.
+    /// The width of the requested map, texels; `None` for the width of the polar map.
     pub(super) width: Option<u16>,
     /// True if the lights are drawn on the map.
     pub(super) marks: bool,
 }
 
 impl MapForm {
-    /// Parses the query. `marks` is true if lights can be drawn; the default is the sphere unless `hemisphere`.
+    /// Parses the query of a request for a map. `marks` is true if lights can be drawn on it; the default part
+    /// is the sphere unless `hemisphere`.
     ///
     /// # Errors
     /// The parameter that was found, and the accepted parameters with their values, one per line.
@@ -55,21 +56,21 @@ impl MapForm {
         if self.hemisphere { (Covers::Hemisphere, grid.height) } else { (Covers::Sphere, 2 * grid.height) }
     }
 
-    /// Returns `view`, resampled to the width of this form.
+    /// Returns the map `view`, resampled to the width of this form.
     pub(super) fn sized(self, view: &MapView) -> MapView {
         let width = self.width.map_or(view.grid.width, usize::from);
         if width == view.grid.width { view.clone() } else { resized(view, width) }
     }
 }
 
-/// Lists the parameters and their values, one per line.
+/// Lists the query parameters of a map and their values, one per line; the parameter `marks` only if `marks`.
 fn accepted(marks: bool) -> String {
     let widths = WIDTHS.map(|w| w.to_string()).join("|");
     format!("covers=sphere|hemisphere\nwidth={widths}{}", if marks { "\nmarks=0|1" } else { "" })
 }
 
-/// Resamples `view` to a grid of `width` columns. A texel larger than the source's has the summed energy of the texels that it covers, a smaller
-/// one its share of one texel's energy.
+/// Resamples the map `view` to a grid of `width` columns. A texel larger than those of `view` has the summed energy of the texels that it
+/// covers, a smaller one its share of the energy of one texel.
 fn resized(view: &MapView, width: usize) -> MapView {
     let from = view.grid;
     let grid = Grid { width, height: (width / 4).max(1), ..from };
@@ -89,14 +90,15 @@ fn resized(view: &MapView, width: usize) -> MapView {
     MapView { grid, texels, frame: view.frame, lights: view.lights.clone() }
 }
 
-/// The part of one texel of a row or column that overlaps a texel of another resolution.
+/// The part of a texel's extent along a row or column that overlaps a texel of another resolution.
 struct TexelOverlap {
     from: usize,
     to: usize,
     part: f64,
 }
 
-/// Returns the overlaps of `count` texels with `others` texels over the same length; `edge(n, i)` is the start of texel i of n.
+/// Returns the overlaps of `count` texels along a row or column with `others` texels of the same total extent; `edge(n, i)` is
+/// the start of texel i of n.
 fn shares(count: usize, others: usize, edge: impl Fn(usize, usize) -> f64) -> Vec<TexelOverlap> {
     let mut shares = Vec::with_capacity(count + others);
     let mut to = 0;

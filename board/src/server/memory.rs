@@ -1,4 +1,5 @@
-//! Limits on the memory of answers that are cached or being sent, which would otherwise grow without bound with slow clients.
+//! Limits on the memory of encoded answers that are cached or being sent, which would otherwise grow without bound with slow
+//! clients.
 
 use super::connection::ConnectionLimiter;
 use axum::body::Bytes;
@@ -8,62 +9,65 @@ use std::time::Duration;
 use tokio::sync::Notify;
 use tokio::time::Instant;
 
-/// Length up to which an answer is small, bytes. Small and large answers have limits of their own, so that large ones never delay small ones.
+/// Length up to which an answer counts as small, bytes. Small and large answers have separate limits, so that large ones never delay small
+/// ones.
 const SMALL: usize = 2 << 20;
 
-/// Most bytes of all small answers, and of all large ones.
+/// Limits on the total length of all small answers, and of all large ones, bytes.
 const LIMITS: [usize; 2] = [6 << 20, 10 << 20];
 
-/// Total of answers, bytes, up to which a further one of any length is made: the size of the caches while no client is served.
+/// Total length of all answers up to which an answer of any length is made, bytes: the size of the caches while no client is
+/// served.
 const IDLE: usize = KEPT_SET_BYTES + KEPT_PICTURE_BYTES;
 
 /// Largest number of bytes of encoded light sets that stay cached while no client is being sent them.
 pub(super) const KEPT_SET_BYTES: usize = 4 << 20;
 
-/// Largest picture that stays cached, bytes; larger ones are shared only while they are being sent.
+/// Length of the largest picture that stays cached, bytes; a larger one is shared only while it is being sent.
 pub(super) const KEPT_PICTURE_BYTES: usize = 1 << 20;
 
-/// Length of the longest answer, bytes.
+/// Length of the longest answer that is made, bytes.
 pub(super) const LONGEST: usize = 12 << 20;
 
 /// Time of a blocked write after which a connection is closed when memory is short, milliseconds.
 const BLOCKED_MS: u64 = 300;
 
-/// Longest time between two searches for blocked connections.
+/// Longest time between two searches for blocked connections while memory is short.
 const PAUSE: Duration = Duration::from_millis(50);
 
-/// Time after which a request is refused when memory is short.
+/// Time after which a request that waits for memory is refused.
 const PATIENCE: Duration = Duration::from_millis(1500);
 
-/// Counts the bytes of answers against the limits.
+/// Counts the bytes of all encoded answers against the limits.
 #[derive(Debug, Default)]
 pub(super) struct AnswerMemory {
     live: Arc<[Live; 2]>,
     limiter: OnceLock<Arc<ConnectionLimiter>>,
 }
 
-/// The bytes of an answer, counted until they are dropped.
+/// The bytes of an encoded answer, counted against the limits until they are dropped.
 #[derive(Debug)]
 pub(super) struct Held {
     bytes: Vec<u8>,
     live: Arc<[Live; 2]>,
 }
 
-/// Returns the index of an answer's limit by its length in bytes: 0 for small ones, 1 for large ones.
+/// Returns the index in [`LIMITS`] of the limit for an answer of `length` bytes: 0 for small answers, 1 for
+/// large ones.
 const fn kind(length: usize) -> usize {
     (length > SMALL) as usize
 }
 
-/// Total bytes of the answers of one kind, small or large.
+/// Total length of the answers of one kind, small or large.
 #[derive(Debug, Default)]
 struct Live {
     bytes: AtomicUsize,
-    /// Notified when bytes are dropped.
+    /// Notified when the bytes of an answer are dropped.
     dropped: Notify,
 }
 
 impl Live {
-    /// Counts `length` bytes and returns true if the total stays within `limit`.
+    /// Adds `length` bytes to the total and returns true, if the total then stays within `limit`.
     fn try_add(&self, length: usize, limit: usize) -> bool {
         let add = |live| (live <= IDLE || live + length <= limit).then_some(live + length);
         self.bytes.fetch_update(Relaxed, Relaxed, add).is_ok()
@@ -82,7 +86,7 @@ impl Drop for Held {
     }
 }
 
-/// Memory reserved for an answer that is being made.
+/// Memory reserved for an answer that is being encoded.
 #[derive(Debug)]
 pub(super) struct Reserved {
     length: usize,
@@ -90,7 +94,8 @@ pub(super) struct Reserved {
 }
 
 impl Reserved {
-    /// Counts `bytes` in place of the reserved length, against the limit of their own kind.
+    /// Counts the encoded `bytes` in place of the reserved length, against the limit for answers of their
+    /// length.
     pub(super) fn hold(self, bytes: Vec<u8>) -> Arc<Held> {
         let length = bytes.capacity();
         self.live[kind(length)].bytes.fetch_add(length, Relaxed);
@@ -104,7 +109,7 @@ impl Drop for Reserved {
     }
 }
 
-/// A reference to an answer's bytes.
+/// A reference to the bytes of an encoded answer.
 struct BodyBytes(Arc<Held>);
 
 impl AsRef<[u8]> for BodyBytes {
@@ -113,12 +118,13 @@ impl AsRef<[u8]> for BodyBytes {
     }
 }
 
-/// Returns the bytes of an answer as a body.
+/// Returns the bytes of an encoded answer as the body of a response.
 pub(super) fn body(held: &Arc<Held>) -> Bytes {
     Bytes::from_owner(BodyBytes(Arc::clone(held)))
 }
 
-/// The bytes of an answer in a cache: held by the cache itself, or only as long as a client is being sent them.
+/// The bytes of an answer in a cache: held by the cache, or, after [`Kept::release`], only as long as a client
+/// is being sent them.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Kept {
     strong: Option<Arc<Held>>,
@@ -134,25 +140,25 @@ impl Kept {
         self.weak.upgrade().map(|held| body(&held))
     }
 
-    /// Returns the number of bytes that the cache itself holds.
+    /// Returns the number of bytes that the cache holds; 0 after [`Kept::release`].
     pub(super) fn len(&self) -> usize {
         self.strong.as_ref().map_or(0, |held| held.bytes.len())
     }
 
-    /// Releases the cache's reference: the bytes stay only while a client is being sent them.
+    /// Releases the cache's reference to the bytes, which then stay only while a client is being sent them.
     pub(super) fn release(&mut self) {
         self.strong = None;
     }
 }
 
 impl AnswerMemory {
-    /// Sets the limiter whose connections are closed when memory is short.
+    /// Sets the connection limiter, whose blocked connections are closed when memory is short.
     pub(super) fn relieve_by(&self, limiter: &Arc<ConnectionLimiter>) {
         let _ = self.limiter.set(Arc::clone(limiter));
     }
 
-    /// Waits until there is memory for an answer of about `length` bytes, and meanwhile closes connections that do not read. `None` after
-    /// [`PATIENCE`].
+    /// Waits until there is memory for an answer of about `length` bytes, and meanwhile closes connections whose clients do not read.
+    /// `None` if there is none after [`PATIENCE`].
     pub(super) async fn reserve(&self, length: usize) -> Option<Reserved> {
         let (live, limit) = (&self.live[kind(length)], LIMITS[kind(length)]);
         let deadline = Instant::now() + PATIENCE;

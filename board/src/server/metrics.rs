@@ -58,7 +58,7 @@ pub(super) async fn metrics(State(context): State<Context>) -> Response {
     ([(CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], text).into_response()
 }
 
-/// Writes the steps by which the quality is lowered.
+/// Writes the present reductions of quality and the numbers of changes.
 fn quality(text: &mut String, quality: &QualityStatus) {
     head(text, "degraded_steps", "gauge", "Steps by which the quality is lowered to keep the budget.");
     for step in Step::ALL {
@@ -102,7 +102,7 @@ fn frames(text: &mut String, set: &OwnedSet, age_ms: u64) {
     light(text, set);
 }
 
-/// Writes the horizontal irradiance and the scalar flux.
+/// Writes the horizontal irradiance and the scalar flux of the light set `set`.
 fn light(text: &mut String, set: &OwnedSet) {
     let channels = |text: &mut String, name: &str, values: [f32; 3]| {
         for (channel, v) in ["red", "green", "blue"].iter().zip(values) {
@@ -166,7 +166,8 @@ fn camera(text: &mut String, status: &CameraStatus) {
     }
 }
 
-/// Writes percentiles since the start, budgets, and numbers of overruns.
+/// Writes, for each stage, percentiles of the duration since the start, the budget, and the number of frames
+/// that exceeded it.
 fn stages(text: &mut String, timings: &Timings) {
     let stages = || Latency::NAMES.iter().zip(timings.stages());
     head(

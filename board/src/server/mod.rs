@@ -70,24 +70,24 @@ use tokio::sync::watch;
 /// Access rules of the server.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// The accepted Host headers.
+    /// The Host headers that requests may have.
     pub hosts: KnownHosts,
-    /// The condition for changes of settings and for pictures: none, or the token.
+    /// The condition under which a request may change settings and get pictures: none, or the token.
     pub access: Access,
-    /// Origins (`http://host:port`) of other sites whose pages have the rights of the server's own pages.
+    /// Origins (`http://host:port`) of other sites whose pages have the same rights as the server's own pages.
     pub origins: Vec<String>,
     /// Addresses of trusted proxies, whose forwarding headers contain the client of a request.
     pub proxies: Vec<IpAddr>,
-    /// The file that `PATCH /v1/config?save=1` writes settings to.
+    /// The configuration file to which `PATCH /v1/config?save=1` writes the settings; `None` if there is none.
     pub file: Option<ConfigFile>,
-    /// The lens file that calibrations made on the page are written to.
+    /// The lens file to which calibrations made on the page are written; `None` if there is none.
     pub calibration_file: Option<PathBuf>,
-    /// The sources that `PATCH /v1/source` may switch to.
+    /// The sources to which `PATCH /v1/source` may switch.
     pub library: Library,
 }
 
 impl Default for Options {
-    /// Returns the rules for access from this machine alone, without a token.
+    /// Returns the access rules of a server for this machine alone, without a token.
     fn default() -> Self {
         Self {
             hosts: KnownHosts::loopback(),
@@ -108,15 +108,15 @@ struct HandlerState {
     link: Arc<Link>,
     answers: AnswerCaches,
     admission: Admission,
-    /// The calibration in progress.
+    /// The calibration in progress, one for all clients.
     calibration: calibration::Calibrations,
     counts: Arc<Counts>,
-    /// The file to which settings are saved; `None` if the probe was started without one.
+    /// The configuration file to which settings are saved; `None` if the probe was started without one.
     file: Option<ConfigFile>,
     library: Library,
-    /// Locked while a source is opened.
+    /// Locked while a requested source is opened.
     opening: tokio::sync::Mutex<()>,
-    /// True when the server stops; streams then end.
+    /// True after the server's shutdown has begun; streams then end.
     stop: Arc<watch::Sender<bool>>,
 }
 
@@ -139,7 +139,7 @@ impl AnswerCaches {
     }
 }
 
-/// The rules by which requests are admitted, and the failed attempts to guess the token.
+/// The rules by which requests are admitted, and the failed attempts of clients to guess the token.
 struct Admission {
     hosts: KnownHosts,
     access: Access,
@@ -148,7 +148,7 @@ struct Admission {
     proxies: Arc<Proxies>,
 }
 
-/// The routes, and the state that [`start`] uses.
+/// The routes of the server, and the state that [`start`] uses.
 pub struct App {
     router: Router,
     counts: Arc<Counts>,
@@ -158,13 +158,13 @@ pub struct App {
 }
 
 impl App {
-    /// Returns the routes, for requests without sockets.
+    /// Returns the routes of the server, for requests without sockets.
     pub fn router(&self) -> Router {
         self.router.clone()
     }
 }
 
-/// Returns all routes, preceded by the checks of `options`.
+/// Returns all routes of the server, preceded by the checks that `options` require.
 #[must_use]
 pub fn app(link: Arc<Link>, options: Options) -> App {
     let Options { hosts, access, origins, proxies, file, calibration_file, library } = options;
@@ -185,7 +185,7 @@ pub fn app(link: Arc<Link>, options: Options) -> App {
     App { router: routes::router(Arc::new(state)), counts, proxies, memory, stop }
 }
 
-/// Returns an answer of one line of plain text.
+/// Returns a response of one line of plain text.
 fn line(status: StatusCode, text: &str) -> Response {
     (status, format!("{text}\n")).into_response()
 }

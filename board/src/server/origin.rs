@@ -26,7 +26,7 @@ pub(super) enum Cause {
     Unproven,
 }
 
-/// The sender of a request: its headers, host and client.
+/// The sender of a request: headers, host and client of the request.
 #[derive(Clone, Debug)]
 pub(super) struct Sender {
     pub(super) uri: Uri,
@@ -40,13 +40,14 @@ impl Sender {
         Self { uri: parts.uri.clone(), headers: parts.headers.clone(), client }
     }
 
-    /// Returns the cause of the request; pages of the origins in `allowed` count as the server's own.
+    /// Returns the cause of the request; pages of the origins in `allowed` count as pages of this server.
     pub(super) fn cause(&self, allowed: &[String]) -> Cause {
         if self.headers.get(ORIGIN).is_some_and(|origin| is_allowed(origin, allowed)) {
             return Cause::OwnPage;
         }
         let site = self.text(&HeaderName::from_static("sec-fetch-site"));
-        // Sec-Fetch-Site: same-origin is proof by itself: the scheme may then differ from the one that a proxy states.
+        // Sec-Fetch-Site: same-origin is sufficient proof: the scheme of the page may then differ from the one that a
+        // proxy states.
         let scheme = if site == Some("same-origin") { Scheme::Either } else { self.client.scheme };
         let told = self.text(&ORIGIN).or_else(|| self.text(&REFERER)).map(|url| self.is_own(url, scheme));
         match (site, told) {
@@ -57,14 +58,14 @@ impl Sender {
         }
     }
 
-    /// Returns true if a browser displays the answer as a page.
+    /// Returns true if a browser displays the answer to the request as a page.
     pub(super) fn is_navigation(&self) -> bool {
         let mode = self.text(&HeaderName::from_static("sec-fetch-mode"));
         let accepts_pages = self.text(&ACCEPT).is_some_and(|accept| accept.contains("text/html"));
         is_browser(&self.headers) && mode.map_or(accepts_pages, |mode| mode == "navigate")
     }
 
-    /// Returns the text of a header, `null` for a header that is not text.
+    /// Returns the text of the header `name`; `null` for a header that is not text, `None` without the header.
     pub(super) fn text(&self, name: &HeaderName) -> Option<&str> {
         self.headers.get(name).map(|value| value.to_str().unwrap_or("null"))
     }

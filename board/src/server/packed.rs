@@ -2,7 +2,7 @@
 
 use flate2::{Compress, Compression, FlushCompress};
 
-/// The gzip header of a stream, without file name, time and operating system.
+/// The gzip header of a stream, without file name, time and operating system of the origin.
 pub(super) const STREAM_HEAD: [u8; 10] = [0x1f, 0x8b, 8, 0, 0, 0, 0, 0, 0, 255];
 
 /// Returns `bytes` as a part of a gzip stream: deflate blocks without references to earlier parts, which end on a byte. Parts can therefore be

@@ -41,7 +41,7 @@ pub(super) async fn info(State(context): State<Context>) -> Response {
     ([(CACHE_CONTROL, "no-store")], page("info", &body)).into_response()
 }
 
-/// Formats a time with three digits in s, ms or us.
+/// Formats a time of `seconds` with three digits in s, ms or us.
 fn duration(seconds: f64) -> String {
     let (value, unit) = match seconds {
         s if s >= 1.0 => (s, "s"),
@@ -82,7 +82,8 @@ fn measured(set: &OwnedSet, age_ms: u64, rate_hz: f32) -> Vec<Row> {
     ]
 }
 
-/// Returns the text of a luminance with its unit and uncertainty.
+/// Returns the luminance of `rgb` as text: in lux with its uncertainty where the unit is known, else as a
+/// relative value.
 fn light(set: &OwnedSet, rgb: [f32; 3]) -> String {
     let y = luminance(rgb);
     match set.unit_uncertainty {
@@ -91,7 +92,7 @@ fn light(set: &OwnedSet, rgb: [f32; 3]) -> String {
     }
 }
 
-/// Returns the durations and budgets of the stages as a table.
+/// Returns an HTML table of the last durations, percentiles and budgets of the stages.
 fn times(last: &Latency, timings: &Timings) -> String {
     let head = ["last", "p50", "p95", "p99", "longest", "budget", "over it"].map(|t| format!("<th>{t}</th>"));
     let mut html = format!("<h2>Times, ms</h2><table><tr><th></th>{}</tr>", head.concat());
@@ -105,7 +106,8 @@ fn times(last: &Latency, timings: &Timings) -> String {
     html + "</table><p>Capture includes the wait for a burst, encode is that of the frame before, total begins with the end of the burst.</p>"
 }
 
-/// Returns the form of the settings, and `accepted`: the parameters and their values, one per line.
+/// Returns the page with the form of the settings, and `accepted`: the parameters of `/change` and their
+/// values, one per line.
 pub(super) fn change_form(config: &Config, accepted: &str) -> Html<String> {
     let fields: String = SETTINGS.iter().map(|setting| form_field(setting, config)).collect();
     let requests: String = accepted.lines().map(|l| format!("<li><code>/change?{l}</code></li>")).collect();
@@ -121,7 +123,7 @@ pub(super) fn change_form(config: &Config, accepted: &str) -> Html<String> {
     page("change", &body)
 }
 
-/// Returns the label and the control of `setting` with its value in `config`.
+/// Returns the HTML of the label and the control of `setting`, with its value in `config`.
 fn form_field(setting: &Setting, config: &Config) -> String {
     let schema = setting.schema(config);
     let (name, word) = (setting.parameter, setting.word(config));
@@ -148,7 +150,8 @@ fn form_field(setting: &Setting, config: &Config) -> String {
     format!("<label>{} {control}</label>", escaped(setting.title))
 }
 
-/// Returns a form by which the user confirms a change that the browser sent without proof that a page of this server caused it.
+/// Returns a page with a form by which the user confirms a change of settings that the browser sent without proof that a page
+/// of this server caused it.
 pub(super) fn change_confirm(pairs: &[(String, String)]) -> Html<String> {
     let field = |(name, value): &(String, String)| {
         let (name, value) = (escaped(name), escaped(value));
@@ -162,7 +165,7 @@ pub(super) fn change_confirm(pairs: &[(String, String)]) -> Html<String> {
     page("confirm the change", &body)
 }
 
-/// Returns the page that confirms a change.
+/// Returns the page that confirms a change of settings.
 pub(super) fn change_done(config: &Config, pairs: &[(String, String)]) -> Html<String> {
     let body = format!(
         "<p>Changed: {}. In effect from the next frame.</p>{}<p><a href=\"/change\">Change more</a></p>",
@@ -172,7 +175,7 @@ pub(super) fn change_done(config: &Config, pairs: &[(String, String)]) -> Html<S
     page("changed", &body)
 }
 
-/// Returns the page for an accepted change whose frame has not been processed yet.
+/// Returns the page for an accepted change of settings that no processed frame has confirmed yet.
 pub(super) fn change_pending(pairs: &[(String, String)]) -> Html<String> {
     let body = format!(
         "<p>Accepted: {}. It takes effect with the next frame, which has not come yet: see \
@@ -182,7 +185,7 @@ pub(super) fn change_pending(pairs: &[(String, String)]) -> Html<String> {
     page("change accepted", &body)
 }
 
-/// Returns the log-in form below `text`.
+/// Returns the page with the log-in form below `text`.
 pub(super) fn login(text: &str) -> Html<String> {
     let body = format!(
         "<p>{}</p><form action=\"/login\" method=\"post\"><label>Token <input name=\"token\" type=\"password\" \
@@ -193,7 +196,7 @@ pub(super) fn login(text: &str) -> Html<String> {
     page("log in", &body)
 }
 
-/// Returns the page with the reason for a missing screenshot.
+/// Returns the page that states the reason for a missing screenshot.
 pub(super) fn no_screenshot() -> Html<String> {
     let body =
         "<p>The debug picture is switched off: <a href=\"/change?gui=on\">switch it on</a>, then reload.</p>";

@@ -1,6 +1,6 @@
 //! The paths of all requests.
 
-/// All paths, in the form of `/openapi.json`.
+/// The paths of all requests, as `/openapi.json` writes them.
 pub(super) const PATHS: [&str; 32] = [
     "/",
     "/page/{name}",
@@ -36,7 +36,7 @@ pub(super) const PATHS: [&str; 32] = [
     "/v1/image/{index}",
 ];
 
-/// Returns the index of a path in [`PATHS`].
+/// Returns the index in [`PATHS`] of the path of a request; `None` for an unknown path.
 pub(super) fn index_of(path: &str) -> Option<usize> {
     PATHS.iter().position(|route| *route == path)
 }

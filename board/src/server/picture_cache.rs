@@ -1,5 +1,5 @@
 //! Pictures on request: one thread renders one picture at a time, at most one per `INTERVAL` for all clients. Each picture answers all requests
-//! that arrived before its burst.
+//! that arrived before the burst that it shows.
 
 use super::encoder::Encoder;
 use super::map_form::MapForm;
@@ -10,25 +10,26 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::time::Instant;
 
-/// Shortest time between two pictures: twenty per second for all clients.
+/// Shortest time between the renderings of two pictures: twenty per second for all clients.
 const INTERVAL: Duration = Duration::from_millis(50);
 
-/// Difference of the thread's nice value from that of the process.
+/// Difference of the nice value of the rendering thread from that of the process.
 const NICE: i32 = 10;
 
 /// Usual length of a picture, bytes, for which memory is reserved.
 const USUAL_BYTES: usize = 1 << 20;
 
-/// The kind of a picture, with its parameters.
+/// The kind of a picture, with the parameters of the rendering.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum PictureKind {
-    /// An exposure of a burst, by ascending exposure time, and its largest width, pixels.
+    /// An exposure of a burst, by its index in ascending order of exposure time, and the largest width of the
+    /// picture, pixels.
     Exposure(usize, Option<u16>),
-    /// The best exposure of a burst that began after the request.
+    /// The best exposure of a burst whose exposures all began after the request.
     Capture,
     /// The tone-mapped map.
     Map(MapForm),
-    /// The map as JPEG, with its whole range of radiance.
+    /// The map as JPEG, whose codes span the whole range of radiance.
     MapJpeg,
     /// The map as OpenEXR.
     MapExr(MapForm),
@@ -36,55 +37,55 @@ pub(super) enum PictureKind {
     MapHdr(MapForm),
     /// The mask of unseen and clipped directions.
     Mask,
-    /// The tone-mapped map with the lights, kept under a name.
+    /// The tone-mapped map with the lights, which the server keeps under a name.
     Screenshot,
 }
 
 /// The frame or map from which a picture is rendered.
 pub(super) enum View<T> {
-    /// A view, and the time of the latest request that it answers.
+    /// A frame or map, and the time of the latest request that it answers.
     Of {
         /// The data from which the picture is rendered.
         view: T,
-        /// Latest request that the view answers, CLOCK_MONOTONIC, nanoseconds.
+        /// Time of the latest request that the view answers, CLOCK_MONOTONIC, nanoseconds.
         since_ns: u64,
         /// True if the view belongs to a frame after the request.
         is_fresh: bool,
     },
-    /// The view is too old for this request: another view is requested.
+    /// The view is older than this request: another view is requested.
     TooOld,
-    /// There is no view.
+    /// There is no frame or map.
     None,
 }
 
 /// A property of a picture that a header of the answer states.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Told {
-    /// The answer has no additional header.
+    /// The answer has no header about the picture.
     Nothing,
     /// The exposure of the picture.
     Shot(Shot),
-    /// The radiance of the picture's middle code.
+    /// The radiance that the middle code of the picture's range stands for.
     Grey(f32),
 }
 
-/// The exposure of a picture.
+/// The exposure that a picture shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Shot {
-    /// Number of exposures of the burst.
+    /// Number of exposures of the burst of the picture.
     pub(super) of: usize,
-    /// Exposure time times gain, seconds.
+    /// Exposure time times gain of the exposure, seconds.
     pub(super) seconds: f64,
 }
 
-/// A picture before it is encoded.
+/// A picture that the thread has rendered, with its frame number.
 pub(super) struct Rendered {
     pub(super) bytes: Vec<u8>,
     pub(super) frame: u64,
     pub(super) told: Told,
 }
 
-/// A picture that is ready to be sent.
+/// A picture in the cache or new, which can be sent to clients.
 #[derive(Clone, Debug)]
 pub(super) struct Picture {
     pub(super) bytes: Bytes,
@@ -104,9 +105,9 @@ pub(super) enum NoPicture {
     Fault,
 }
 
-/// Renders pictures and caches the newest one of each kind.
+/// Renders pictures on one thread and caches the newest one of each kind.
 pub(super) struct PictureCache {
-    /// Locked while a picture is made; contains the time of the last one.
+    /// Locked while a picture is rendered; contains the time of the last rendering.
     making: tokio::sync::Mutex<Option<Instant>>,
     made: Mutex<Vec<Made>>,
     thread: Encoder<PictureKind>,
@@ -117,7 +118,7 @@ struct Made {
     kind: PictureKind,
     since_ns: u64,
     kept: Kept,
-    /// The picture, without its bytes.
+    /// The cached picture, without its bytes.
     picture: Picture,
 }
 
@@ -127,8 +128,8 @@ impl PictureCache {
         Self { making, made, thread: Encoder::new("hemilux-picture", NICE), memory }
     }
 
-    /// Returns a picture of `kind`: a cached one whose view is later than this request, or a new one that `render` makes from the view that
-    /// `look` returns.
+    /// Returns a picture of `kind`: a cached one whose view is later than this request, or one that `render` makes from the frame or map
+    /// that `look` returns.
     pub(super) async fn picture<T, F>(
         &self,
         kind: PictureKind,
@@ -207,7 +208,7 @@ mod tests {
             let look = |_| {
                 let frame = looks.fetch_add(1, Relaxed);
                 async move {
-                    // Further requests arrive during the rendering.
+                    // Further requests arrive while the picture is rendered.
                     tokio::task::yield_now().await;
                     View::Of { view: frame, since_ns: clock::monotonic_ns(), is_fresh: true }
                 }

@@ -23,24 +23,25 @@ use std::io::Cursor;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// JPEG quality, at which artefacts are below the sensor's noise.
+/// JPEG quality of exposures, at which artefacts are below the sensor's noise.
 const QUALITY: u8 = 90;
 
-/// Accepted widths of reduced exposures, pixels.
+/// Widths of reduced exposures that a request can choose, pixels.
 const WIDTHS: [u16; 3] = [160, 320, 640];
 
-/// Longest wait for a view while the source has failed: the processing thread answers after each attempt to read it, with a pause between
-/// attempts.
+/// Longest wait for a frame or map while the source has failed: the processing thread answers after each attempt to read the source, with
+/// a pause between attempts.
 const FAILED_WAIT: Duration = RETRY_PAUSE.saturating_mul(4);
 
-/// Longest wait for a fresh shot: two bursts, of which the first began before the request; exposures of a second each make bursts of three
-/// seconds.
+/// Longest wait for a picture that is taken after the request: two bursts, of which the first began before the request; exposures of a
+/// second each make bursts of three seconds.
 const CAPTURE_WAIT: Duration = Duration::from_secs(8);
 
-/// Largest share of a shot's samples that may be clipped.
+/// Largest fraction of the samples of a picture on `/capture` that may be clipped.
 const CLIPPED: f64 = 0.01;
 
-/// Returns the view of the next frame, or after [`LONGEST_WAIT`] the last view; the last view at once where the source has failed.
+/// Returns the view of the next frame, or after [`LONGEST_WAIT`] the last view; while the source has failed, the last view at
+/// once.
 pub(super) async fn view<T>(link: &Link, slot: &Slot<T>) -> View<Arc<T>> {
     let since_ns = clock::monotonic_ns();
     let ViewRequest { number, mut given } = slot.request();
@@ -135,7 +136,7 @@ fn nothing_fresh(link: &Link) -> Response {
     response
 }
 
-/// Answers `/v1/map.png`: the tone-mapped map down to the horizon, or of the sphere; with `?marks=1` the lights are drawn on it.
+/// Answers `/v1/map.png`: the tone-mapped map of the hemisphere, or of the sphere; with `?marks=1` the lights are drawn on it.
 pub(super) async fn map_png(State(context): State<Context>, _: Allowed, uri: Uri) -> Response {
     match MapForm::of(&uri, true, true) {
         Ok(form) => map(&context, PictureKind::Map(form), "image/png", move |view| png(view, form)).await,
@@ -153,7 +154,7 @@ pub(super) async fn map_exr(State(context): State<Context>, _: Allowed, uri: Uri
     }
 }
 
-/// Answers with a picture of the map.
+/// Answers with a picture of `kind` of the map, which `render` makes.
 pub(super) async fn map(
     context: &Context,
     kind: PictureKind,
@@ -168,7 +169,7 @@ pub(super) async fn map(
     answer(context, context.answers.pictures.picture(kind, look, render).await, content_type)
 }
 
-/// Answers with a picture, or with the reason for its absence.
+/// Answers with a picture, or with the reason why there is none.
 pub(super) fn answer(
     context: &Context,
     picture: Result<Picture, NoPicture>,
@@ -209,7 +210,7 @@ pub(super) fn no_picture(context: &Context, why: NoPicture) -> Response {
     }
 }
 
-/// Returns exposure `at` as JPEG, at most `width` pixels wide.
+/// Returns exposure `at` of the burst as JPEG, at most `width` pixels wide.
 fn shot(view: &BurstView, at: usize, width: Option<u16>) -> Option<Rendered> {
     let frame = view.frames.get(at)?;
     let shot = Shot { of: view.frames.len(), seconds: frame.exposure.seconds * frame.exposure.gain };
@@ -238,7 +239,7 @@ fn jpeg(frame: &Frame, c: &Calibration, width: Option<u16>) -> Option<Vec<u8>> {
     Some(bytes)
 }
 
-/// Returns the tone-mapped map as PNG, with the lights if `form` has marks.
+/// Returns the tone-mapped map as PNG, on which the lights are drawn if `form` has marks.
 pub(super) fn png(view: &MapView, form: MapForm) -> Option<Vec<u8>> {
     let sized = form.sized(view);
     let lights = if form.marks { sized.lights.as_slice() } else { &[] };

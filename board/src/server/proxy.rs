@@ -1,17 +1,18 @@
-//! Trusted proxies and their forwarding headers. The headers are ignored in requests from other addresses.
+//! Trusted proxies and their forwarding headers, which are ignored in requests from other addresses.
 
 use super::client_key::ClientKey;
 use axum::http::header::FORWARDED;
 use axum::http::{HeaderMap, HeaderName};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 
-/// The header with the addresses that a request has passed: each proxy appends the address of its peer.
+/// The header with the addresses that a request has passed: each proxy appends the address from which it
+/// received the request.
 const X_FORWARDED_FOR: HeaderName = HeaderName::from_static("x-forwarded-for");
 
 /// The header with the scheme of the client's request.
 const X_FORWARDED_PROTO: HeaderName = HeaderName::from_static("x-forwarded-proto");
 
-/// The addresses of the trusted proxies.
+/// The addresses of the proxies whose headers are trusted.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Proxies(Vec<IpAddr>);
 
@@ -20,7 +21,7 @@ pub(super) struct Proxies(Vec<IpAddr>);
 pub(super) enum Scheme {
     Http,
     Https,
-    /// A trusted proxy does not state the scheme.
+    /// The scheme is unknown: a trusted proxy does not state it.
     Either,
 }
 
@@ -32,20 +33,20 @@ pub(super) struct Client {
 }
 
 impl Default for Client {
-    /// Returns the client of a request without a socket: this machine.
+    /// Returns this machine as the client of a request without a socket.
     fn default() -> Self {
         Self { address: Ipv4Addr::LOCALHOST.into(), scheme: Scheme::Http }
     }
 }
 
 impl Client {
-    /// Returns the key under which connections and failed log-ins of the client are counted.
+    /// Returns the key under which the connections and failed log-ins of the client are counted.
     pub(super) fn key(&self) -> ClientKey {
         ClientKey::of(self.address)
     }
 }
 
-/// Contents of the headers of a forwarded request.
+/// Contents of the forwarding headers of a request.
 #[derive(Debug, Default)]
 struct Forwarding {
     /// The addresses that the request has passed, the last proxy's entry last; `None` for an address that a proxy hides.
@@ -65,27 +66,29 @@ impl Proxies {
     /// Determines the client of a request that arrived from `peer`.
     ///
     /// # Errors
-    /// The fault of a trusted proxy's headers.
+    /// The fault of the forwarding headers of a trusted proxy.
     pub(super) fn client(&self, peer: IpAddr, headers: &HeaderMap) -> Result<Client, &'static str> {
         if !self.contains(peer) {
             return Ok(Client { address: peer, scheme: Scheme::Http });
         }
         let found = match (headers.contains_key(FORWARDED), headers.contains_key(X_FORWARDED_FOR)) {
-            // A proxy sets one of the two headers, so the other one was sent by the client.
+            // A proxy sets one of the two kinds of headers, so the client has sent the other one.
             (true, true) => {
                 return Err("both Forwarded and X-Forwarded-For, expected the proxy to remove one");
             }
             (true, false) => forwarded(headers).ok_or("a Forwarded header that cannot be parsed")?,
             (false, _) => x_forwarded(headers).ok_or("an X-Forwarded-For header that cannot be parsed")?,
         };
-        // Each entry was written by the proxy after it: counted from the right, the first address that is not a proxy is the client.
+        // Each entry was written by the proxy whose address follows: from the right, the first address that is not a proxy is the
+        // client.
         let is_client = |entry: &&Option<IpAddr>| entry.is_none_or(|address| !self.contains(address));
         let client = found.addresses.iter().rev().find(is_client).copied().flatten();
         Ok(Client { address: client.unwrap_or(peer), scheme: found.scheme.unwrap_or(Scheme::Either) })
     }
 }
 
-/// Returns the comma-separated elements of all headers called `name`; `None` where one is not text.
+/// Returns the comma-separated elements of all headers called `name`; `None` where one of the headers is not
+/// text.
 fn elements<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Option<Vec<&'a str>> {
     let texts: Option<Vec<_>> = headers.get_all(name).iter().map(|v| v.to_str().ok()).collect();
     Some(
@@ -106,7 +109,7 @@ fn scheme(text: &str) -> Option<Scheme> {
     }
 }
 
-/// Parses an address with or without a port, IPv6 with or without brackets.
+/// Parses an IP address with or without a port, IPv6 with or without brackets.
 fn address(text: &str) -> Option<IpAddr> {
     let bare = text.trim_start_matches('[').trim_end_matches(']');
     let address = bare.parse().ok().or_else(|| text.parse::<SocketAddr>().ok().map(|a| a.ip()));

@@ -9,12 +9,13 @@ use axum::http::header::ACCEPT;
 use axum::http::{HeaderMap, Uri};
 use hemilux_core::wire::Coordinates;
 
-/// The encoding of a set. Requests with equal variants share the encoded bytes.
+/// The form, the coordinates and the contents of a requested light set. Requests with equal variants share the
+/// encoded bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Variant {
     pub(super) format: Format,
     pub(super) coordinates: Coordinates,
-    /// Number of lights, ambient light or not, points or discs.
+    /// Number of lights, ambient light or not, discs or points.
     pub(super) selection: Selection,
 }
 
@@ -25,18 +26,20 @@ impl Variant {
     }
 }
 
-/// The parameters of a request for a light set.
+/// The query parameters of a request for a light set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct SetQuery {
     pub(super) variant: Variant,
-    /// Number of the last frame that the client has received.
+    /// Frame number of the last light set that the client has received.
     pub(super) after: Option<u64>,
 }
 
-/// Parses the query. `fixed` is the form of paths that have only one; otherwise the parameter `format` or the Accept header selects it.
+/// Parses the query of a request for a light set. `fixed` is the form of paths that have only one; otherwise the parameter `format` or
+/// the Accept header selects it.
 ///
 /// # Errors
-/// The parameter that was found and the accepted ones; `None` if no form suits the Accept header.
+/// The parameter that was found and the accepted ones; `None` if no form of a light set suits the Accept
+/// header.
 pub(super) fn wanted(
     uri: &Uri,
     headers: &HeaderMap,
@@ -47,7 +50,7 @@ pub(super) fn wanted(
         return Err(refused("a query that cannot be parsed".into()));
     };
     let mut wanted = SetQuery { variant: Variant::of(fixed.unwrap_or(Format::Json)), after: None };
-    // The estimate always has the harmonics.
+    // A light estimate always contains spherical harmonics.
     wanted.variant.selection.ambient = Some(fixed == Some(Format::Estimate));
     let mut named = fixed.is_some();
     let mut axes = None;
@@ -74,7 +77,7 @@ pub(super) fn wanted(
         wanted.variant.format = negotiated(headers).ok_or(None)?;
     }
     if !wanted.variant.format.has_ambient() {
-        // The other forms contain lights alone, with all energy.
+        // The other forms have no ambient light: their lights contain all energy.
         wanted.variant.selection.ambient = Some(false);
     }
     wanted.variant.coordinates = match wanted.variant.format {
@@ -84,7 +87,7 @@ pub(super) fn wanted(
     Ok(wanted)
 }
 
-/// Parses 1 (on), 0 (off), or `own` for the probe's own setting.
+/// Parses the value of a switch: 1 (on), 0 (off), or `own` for the probe's own setting.
 fn switch(value: &str) -> Option<Option<bool>> {
     match value {
         "1" => Some(Some(true)),
@@ -98,7 +101,7 @@ fn number(value: &str) -> Option<usize> {
     value.parse().ok().filter(|n| (1..=MAX_LIGHTS).contains(n))
 }
 
-/// Lists the parameters and their values, one per line.
+/// Lists the query parameters of a light set and their values, one per line.
 fn accepted(with_format: bool) -> String {
     let coordinates = Coordinates::names().collect::<Vec<_>>().join("|");
     let formats = Format::NAMED.map(|(name, _)| name).join("|");
@@ -108,7 +111,8 @@ fn accepted(with_format: bool) -> String {
     )
 }
 
-/// Returns the form that suits the Accept header best: JSON without the header, and for browsers.
+/// Returns the form of a light set that suits the Accept header best: JSON without the header, and for
+/// browsers.
 fn negotiated(headers: &HeaderMap) -> Option<Format> {
     let accept: Vec<_> = headers.get_all(ACCEPT).iter().filter_map(|v| v.to_str().ok()).collect();
     if accept.is_empty() {

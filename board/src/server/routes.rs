@@ -15,7 +15,7 @@ use axum::routing::{get, post};
 
 use tower_http::limit::RequestBodyLimitLayer;
 
-/// Largest body of a request, bytes; handlers that need no body leave it unread.
+/// Largest body of a request, bytes; handlers that need no body do not read it.
 const MAX_BODY_BYTES: usize = 16 << 10;
 
 /// Returns all routes, preceded by the checks of host, origin and size.

@@ -14,20 +14,20 @@ use axum::response::{IntoResponse, Response};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Form of the picture: the map down to the horizon, with the lights drawn on it.
+/// Form of a screenshot: the map of the hemisphere, with the lights drawn on it.
 const MARKED: MapForm = MapForm { hemisphere: true, width: None, marks: true };
 
-/// Number of screenshots that are kept.
+/// Number of screenshots that the server keeps.
 const KEPT: usize = 16;
 
-/// The screenshots, the newest first.
+/// The kept screenshots with their names, the newest first.
 #[derive(Debug, Default)]
 pub(super) struct Screenshots {
     pictures: Mutex<(u64, VecDeque<(String, Bytes)>)>,
 }
 
 impl Screenshots {
-    /// Stores a picture; returns the names of all pictures, the newest first.
+    /// Stores a screenshot as PNG; returns the names of all kept screenshots, the newest first.
     fn keep(&self, run: &str, frame: u64, png: Bytes) -> Vec<String> {
         let mut guard = self.lock();
         let (count, pictures) = &mut *guard;
@@ -64,10 +64,10 @@ pub(super) async fn take(State(context): State<Context>, _: Allowed) -> Response
     ([(CACHE_CONTROL, "no-store")], pages::screenshot(&names)).into_response()
 }
 
-/// Answers with an earlier screenshot.
+/// Answers with the kept screenshot called `name`.
 pub(super) async fn kept(State(context): State<Context>, _: Allowed, Path(name): Path<String>) -> Response {
     match context.answers.screenshots.find(&name) {
-        // Names are never reused, so that clients may cache a picture.
+        // Names of screenshots are never reused, so that clients may cache a screenshot.
         Some(png) => {
             ([(CONTENT_TYPE, "image/png"), (CACHE_CONTROL, "private, max-age=86400, immutable")], png)
                 .into_response()

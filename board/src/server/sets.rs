@@ -1,4 +1,5 @@
-//! The encoded forms of the newest light set: each is made once per frame for all requests with equal parameters.
+//! The encoded forms of the newest light set: each form is encoded once per frame for all requests with equal
+//! parameters.
 
 use super::answer::Answer;
 use super::encoder::Encoder;
@@ -15,16 +16,17 @@ use hemilux_core::wire::{Coordinates, LightSet, Stale};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-/// Resolution of the age in answers of a stopped source, milliseconds: answers with equal rounded ages share their bytes.
+/// Step to which the age of a stale set is rounded, milliseconds: answers with equal rounded ages share their bytes.
 const STALE_STEP_MS: u64 = 100;
 
-/// Number of lights above which a set is encoded on the encoding thread: the encoding takes more than about 0.1 ms.
+/// Number of lights above which a set is encoded on a thread of its own: the encoding takes more than about 0.1 ms.
 const MANY_LIGHTS: usize = 256;
 
-/// Number of lights above which text is encoded on the thread for costly sets: it takes milliseconds, ten times as long as a binary form.
+/// Number of lights above which text is encoded on the thread for costly sets: the encoding takes milliseconds, ten times as long as a
+/// binary form.
 const TEXT_LIGHTS: usize = 8192;
 
-/// Difference of the nice value of the thread for costly answers from that of the process.
+/// Difference of the nice value of the thread for costly sets from that of the process.
 const NICE: i32 = 10;
 
 /// Largest number of variants whose bytes are kept; beyond it the least recently requested variant is dropped.
@@ -33,9 +35,9 @@ const VARIANTS: usize = 64;
 /// The encoded bytes of the newest set for each variant, most recently requested first.
 pub(super) struct EncodedSets {
     variants: Mutex<Vec<(Variant, Arc<Entry>)>>,
-    /// Thread that encodes sets of many lights.
+    /// Thread that encodes sets of more than [`MANY_LIGHTS`] lights.
     encoder: Encoder<Variant>,
-    /// Thread that encodes the costly sets, so that other sets do not wait for them.
+    /// Thread that encodes costly sets, so that other sets do not wait for them: see [`is_costly`].
     costly: Encoder<Variant>,
     memory: Arc<AnswerMemory>,
 }
@@ -44,7 +46,7 @@ pub(super) struct EncodedSets {
 #[derive(Default)]
 struct Entry {
     encoded: Mutex<Encoded>,
-    /// Locked while the set is encoded; requests that find the bytes in the cache do not take it.
+    /// Locked while the variant is encoded; requests that find the bytes in the cache do not lock it.
     encoding: tokio::sync::Mutex<()>,
 }
 
@@ -68,14 +70,14 @@ impl Key {
     }
 }
 
-/// Reasons why a set is not encoded.
+/// Reasons why a requested set is not encoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Missing {
-    /// There is no set yet.
+    /// There is no light set yet.
     NoSet,
     /// The answers in progress have used up the memory limit.
     Full,
-    /// An answer with this number of lights would take too much memory on its own.
+    /// An answer with this number of lights would exceed the limit on the length of an answer.
     TooLong(usize),
     /// A programming error occurred.
     Fault,
@@ -85,7 +87,7 @@ pub(super) enum Missing {
 #[derive(Clone, Debug)]
 pub(super) struct Ready {
     pub(super) bytes: Bytes,
-    /// The light set that is encoded.
+    /// The light set that the bytes encode.
     pub(super) set: Arc<OwnedSet>,
     pub(super) is_stale: bool,
 }
@@ -100,8 +102,8 @@ impl EncodedSets {
         }
     }
 
-    /// Returns the newest set in the form `variant`, marked stale when it `is_late`. The first request encodes it, concurrent ones wait for
-    /// its bytes.
+    /// Returns the newest set in the form `variant`, marked stale if `is_late`. The first request for a set encodes it, concurrent requests
+    /// wait for the bytes.
     pub(super) async fn newest(
         &self,
         variant: Variant,
@@ -121,7 +123,7 @@ impl EncodedSets {
         if let Some(ready) = entry.find(&answer) {
             return Ok(ready);
         }
-        // One allocation per frame.
+        // The buffer of the expected length makes one allocation per frame.
         let most = variant.selection.lights.unwrap_or(usize::MAX);
         let lights = answer.set.lights.len().min(most);
         let length = variant.format.expected_length(lights);
@@ -135,7 +137,7 @@ impl EncodedSets {
                 let link = Arc::clone(link);
                 drop(answer);
                 let work = move || {
-                    // The newest set at the time when the thread runs the job.
+                    // The set is the newest one when the thread runs the job.
                     let answer = Answer::newest(&link, variant.selection, is_late)?;
                     encode(variant, &link, &answer, length).map(|bytes| (answer, bytes))
                 };
@@ -155,7 +157,8 @@ impl EncodedSets {
         Ready { bytes: body(held), is_stale: answer.stale.is_some(), set: answer.set }
     }
 
-    /// Releases bytes that no client is being sent, beyond [`KEPT_SET_BYTES`]; the variants requested last are kept.
+    /// Releases encoded bytes beyond [`KEPT_SET_BYTES`] that no client is being sent; the bytes of the variants that
+    /// were requested last are kept.
     fn release_old(&self) {
         let mut kept = 0;
         for (_, entry) in lock(&self.variants).iter() {
@@ -187,8 +190,8 @@ impl Entry {
     }
 }
 
-/// Returns true if the encoding takes so long that its clients get sets at a lower rate: sets whose lights are merged to fewer, and large ones as
-/// text.
+/// Returns true if the encoding of a set of `lights` lights takes so long that its clients get sets at a lower rate: its lights are merged to
+/// fewer, or it is text of many lights whose coordinates are converted or whose bytes are compressed.
 fn is_costly(variant: Variant, lights: usize) -> bool {
     let is_thinned = variant.selection.lights.is_some_and(|most| most < lights);
     is_thinned
@@ -214,7 +217,7 @@ pub(super) fn encode(variant: Variant, link: &Link, answer: &Answer, room: usize
         ..set.view()
     };
     let thinned;
-    // The first set of a tier may be missing when the source has stopped.
+    // A set may have more lights than requested: a tier may have no set yet when the source has stopped.
     if let Some(most) = lights.filter(|most| *most < set.lights.len()) {
         thinned = thin(&set.lights, most)?;
         on_wire.lights = &thinned;
@@ -228,7 +231,7 @@ pub(super) fn encode(variant: Variant, link: &Link, answer: &Answer, room: usize
     Some(bytes)
 }
 
-/// Merges `lights` to at most `most`; `None` only for a programming error.
+/// Returns `lights` merged to at most `most` lights; `None` only for a programming error.
 pub(super) fn thin(lights: &[Light], most: usize) -> Option<Vec<Light>> {
     let (mut lights, mut pairs) = (lights.to_vec(), vec![Pair::default(); lights.len()]);
     let count = merge(&mut lights, most, &mut pairs).ok()?;

@@ -51,7 +51,7 @@ pub(super) async fn change(State(context): State<Context>, _: Allowed, request: 
         }
         Ok(Some(Err(error))) => {
             tracing::warn!("source {}: {error}", short(name));
-            // The error contains a path, which is not disclosed to clients.
+            // The error contains the path of the source, which is not disclosed to clients.
             refused(
                 StatusCode::CONFLICT,
                 &format!("'{}' could not be opened; the log has the reason", short(name)),
@@ -65,7 +65,7 @@ pub(super) async fn change(State(context): State<Context>, _: Allowed, request: 
     }
 }
 
-/// Resets the setting `exposures_s`, which was made for the earlier source.
+/// Resets the setting `exposures_s`, whose exposure times were set for the earlier source.
 async fn own_exposures(context: &Context) {
     let none = json!({"exposures_s": null});
     let change: Option<Change> = none.as_object().and_then(|wish| wish_of(wish).ok());

@@ -25,7 +25,8 @@ use std::sync::Arc;
 /// JPEG quality of the map, at which the compression errors are below the noise of a camera.
 const QUALITY: u8 = 90;
 
-/// Grey values of the mask's texels.
+/// Grey value of the mask's texels outside of the lens's field; [`SEEN`] and [`CLIPPED`] are those of the other
+/// texels.
 const UNSEEN: u8 = 0;
 const SEEN: u8 = 128;
 const CLIPPED: u8 = 255;
@@ -94,7 +95,7 @@ fn jpg(view: &MapView) -> Option<Rendered> {
     Some(Rendered { bytes, frame: view.frame, told: Told::Grey(grey) })
 }
 
-/// Returns the geometric mean of the positive finite values; 1 if there are none.
+/// Returns the geometric mean of the positive finite numbers in `values`; 1 if there are none.
 fn geometric_mean(values: impl Iterator<Item = f32>) -> f32 {
     let lit = values.filter(|v| *v > 0.0 && v.is_finite());
     let (sum, count) = lit.fold((0.0f64, 0usize), |(sum, n), v| (sum + f64::from(v).ln(), n + 1));
@@ -117,13 +118,13 @@ fn mask(view: &BurstView, grid: &Grid) -> Option<GrayImage> {
     GrayImage::from_raw(grid.width as u32, grid.height as u32, codes)
 }
 
-/// Returns true if the lens images `direction` on a pixel.
+/// Returns true if the lens images `direction` onto a pixel of the frame.
 fn is_seen(c: &Calibration, direction: DVec3) -> bool {
     let within = |v: f64, size: u32| (-0.5..f64::from(size) - 0.5).contains(&v);
     c.lens.project(direction).is_some_and(|p| within(p.x, c.layout.width()) && within(p.y, c.layout.height()))
 }
 
-/// Returns the positions of the pixels with a channel at the white level.
+/// Returns the positions of the pixels of `frame` that have a channel at the white level.
 fn clipped(frame: &Frame, c: &Calibration) -> Vec<DVec2> {
     let codes = develop::develop(frame, c).unwrap_or_default();
     let (white, width) = (develop::white(c), (c.layout.width() as usize).max(1));

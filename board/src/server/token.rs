@@ -1,4 +1,4 @@
-//! The token: the secret that a client sends to change settings and to get pictures.
+//! The token: the secret that a client sends to be allowed to change settings and get pictures.
 
 use crate::replacement;
 use data_encoding::BASE64URL_NOPAD;
@@ -10,16 +10,16 @@ use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use subtle::ConstantTimeEq;
 
-/// Number of random bytes in a generated secret.
+/// Number of random bytes in a generated token.
 const RANDOM_BYTES: usize = 32;
 
-/// Shortest accepted secret, characters: ten random characters cannot be guessed over the network.
+/// Shortest accepted token, characters: ten random characters cannot be guessed over the network.
 const LEAST: usize = 16;
 
-/// Longest accepted secret, characters.
+/// Longest accepted token, characters.
 const MOST: usize = 256;
 
-/// A secret that no log, error or debug text contains.
+/// A secret text that no log, error or debug text contains.
 #[derive(Clone)]
 pub struct Token {
     secret: String,
@@ -34,7 +34,7 @@ impl fmt::Debug for Token {
 /// Reasons why a token file cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum TokenError {
-    /// The file cannot be read or created.
+    /// The token file cannot be read or created.
     #[error("token file {0}: found {1}, expected a readable file, or a folder in which it can be created")]
     File(PathBuf, std::io::Error),
     /// Other users may read the token file.
@@ -42,17 +42,17 @@ pub enum TokenError {
         "token file {0}: found permissions {1:04o}, expected 0600: others could read it (chmod 600 it and change the token)"
     )]
     Permissions(PathBuf, u32),
-    /// The file belongs to another user.
+    /// The token file belongs to another user.
     #[error("token file {path}: found user {owner} as its owner, expected {user} or root")]
     Owner {
         /// Path of the token file.
         path: PathBuf,
-        /// Owner of the file.
+        /// User id of the owner of the token file.
         owner: u32,
-        /// User of the process.
+        /// User id of the process.
         user: u32,
     },
-    /// The file does not contain exactly one token.
+    /// The token file does not contain exactly one token.
     #[error(
         "token file {0}: found something else, expected a file with one line of {LEAST} to {MOST} printable ASCII characters without spaces"
     )]
@@ -68,12 +68,12 @@ fn is_empty_file(file: &File) -> std::io::Result<bool> {
     Ok(about.is_file() && about.len() == 0)
 }
 
-/// A token, and whether its file was created.
+/// A token that was read from a file, or created with it.
 #[derive(Clone, Debug)]
 pub struct LoadedToken {
     /// The token in the file.
     pub token: Token,
-    /// True if the file was created.
+    /// True if the file was missing or empty and was created.
     pub is_new: bool,
 }
 
@@ -88,13 +88,14 @@ impl Token {
         Ok(Self { secret: BASE64URL_NOPAD.encode(&bytes) })
     }
 
-    /// Reads the token in the file at `path`. A missing or empty file is created with a random token (permissions 0600).
+    /// Reads the token in the file at `path`. Where the file is missing or empty, it is created with a random token
+    /// (permissions 0600).
     ///
     /// # Errors
-    /// [`TokenError`] where the file cannot be used or created.
+    /// [`TokenError`] where the token file cannot be used or created.
     pub fn load_or_make(path: &Path) -> Result<LoadedToken, TokenError> {
         let failed = |e| TokenError::File(path.into(), e);
-        // Opening a FIFO would block until another process opens it for writing.
+        // Opening a FIFO for reading would block until another process opens it for writing.
         let opened =
             OpenOptions::new().read(true).custom_flags(OFlags::NONBLOCK.bits().cast_signed()).open(path);
         match opened {
@@ -109,7 +110,8 @@ impl Token {
         }
     }
 
-    /// Writes a random token to a new file, then renames it to `path`: readers get the old or the new token, and no link is followed.
+    /// Writes a random token to a new file and renames the file to `path`: readers get the old or the new token, and no link is
+    /// followed.
     fn make(path: &Path, replaces: bool) -> Result<Self, TokenError> {
         let failed = |e| TokenError::File(path.into(), e);
         let token = Self::random()?;
@@ -145,7 +147,8 @@ impl Token {
         if sound { Ok(Self { secret: secret.into() }) } else { Err(TokenError::Content(path.into())) }
     }
 
-    /// Returns true if `candidate` is the secret. The duration depends on the lengths only.
+    /// Returns true if `candidate` is the secret. The duration of the comparison depends on the two lengths
+    /// only.
     #[must_use]
     pub fn is(&self, candidate: &[u8]) -> bool {
         self.secret.as_bytes().ct_eq(candidate).into()

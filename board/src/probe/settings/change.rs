@@ -5,17 +5,17 @@ use crate::probe::config::Config;
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
 
-/// New values of settings, each within the range of its setting.
+/// A request to change settings: the new value of each setting, within its range.
 #[derive(Clone, Debug, Default)]
 pub struct Change {
     values: Vec<(&'static Setting, Value)>,
 }
 
 impl Change {
-    /// Adds a new value of `setting`.
+    /// Adds a new value of `setting` to the change.
     ///
     /// # Errors
-    /// The type and range that the setting accepts.
+    /// The type and range of values that the setting accepts, if `value` is not one of them.
     pub fn add(&mut self, setting: &'static Setting, value: Value) -> Result<(), String> {
         if !setting.admits(&value) {
             return Err(setting.expected());
@@ -24,7 +24,7 @@ impl Change {
         Ok(())
     }
 
-    /// Writes the new values to `config`; of two values of one setting, the later one is used.
+    /// Writes the new values to `config`; of two new values of one setting, the later one is used.
     pub fn apply(&self, config: &mut Config) {
         for (setting, value) in &self.values {
             (setting.set)(config, value);
@@ -35,7 +35,7 @@ impl Change {
 /// Converts a JSON object of settings to a change.
 ///
 /// # Errors
-/// For each rejected name, the value that was found and the type and range that were expected.
+/// For each rejected name of a setting, the value that was found and the type and range that were expected.
 pub fn wish_of(object: &Map<String, Value>) -> Result<Change, BTreeMap<String, String>> {
     let mut change = Change::default();
     let mut errors = BTreeMap::new();

@@ -33,21 +33,21 @@ pub enum Kind {
     Switch,
 }
 
-/// Groups of settings, in the order of the page.
+/// Groups of settings, in the order in which the page shows them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Group {
-    /// Settings of the sampler.
+    /// Settings of the sampler and of its lights.
     Lights,
-    /// Settings of the exposures and the map.
+    /// Settings of the exposures and of the map.
     Map,
-    /// Budgets of the stages.
+    /// Budgets of the durations of the stages.
     Budgets,
     /// Settings that do not affect the lights of the probe's own set.
     Other,
 }
 
 impl Group {
-    /// Returns the name of the group in the schema.
+    /// Returns the name of the group in the JSON schema.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -79,23 +79,23 @@ pub struct Setting {
     pub parameter: &'static str,
     /// Label of the setting in pages.
     pub title: &'static str,
-    /// Group of the setting.
+    /// Group in which the page shows the setting.
     pub group: Group,
-    /// Type and range of the setting's value.
+    /// Type and range of the values of the setting.
     pub kind: Kind,
-    /// Unit of the value, for numbers.
+    /// Unit of the values of the setting; `None` for values that are no number or have no unit.
     pub unit: Option<&'static str>,
     /// Description of the setting's effect: full sentences.
     pub what: &'static str,
     value: fn(&Config) -> Value,
-    /// Writes an admitted value to the configuration.
+    /// Writes a value within the setting's range to a configuration.
     set: fn(&mut Config, &Value),
-    /// Returns true if the setting has an effect, given the values of the other settings.
+    /// Returns true if the setting has an effect, given the values of the other settings of a configuration.
     in_use: fn(&Config) -> bool,
 }
 
 impl Setting {
-    /// Returns the value of the setting in `config` as JSON.
+    /// Returns the value of this setting in `config` as JSON.
     #[must_use]
     pub fn value(&self, config: &Config) -> Value {
         (self.value)(config)
@@ -113,7 +113,7 @@ impl Setting {
         SETTINGS.iter().map(|s| s.name).collect::<Vec<_>>().join(", ")
     }
 
-    /// Returns the value of the setting in `config` in the form that [`Setting::parse`] accepts.
+    /// Returns the value of this setting in `config` as text, in the form that [`Setting::parse`] accepts.
     #[must_use]
     pub fn word(&self, config: &Config) -> String {
         match self.value(config) {
@@ -125,7 +125,7 @@ impl Setting {
         }
     }
 
-    /// Parses a value from a query or the command line; `None` where type or range is wrong.
+    /// Parses a value of this setting from a query or the command line; `None` where type or range is wrong.
     #[must_use]
     pub fn parse(&self, word: &str) -> Option<Value> {
         let value = match self.kind {
@@ -168,7 +168,7 @@ impl Setting {
         }
     }
 
-    /// Describes type and range of a JSON value, for error messages.
+    /// Describes type and range of the JSON values that this setting accepts, for error messages.
     #[must_use]
     pub fn expected(&self) -> String {
         match self.kind {
@@ -177,7 +177,8 @@ impl Setting {
         }
     }
 
-    /// Describes type and range of a value on the command line, for error messages.
+    /// Describes type and range of the values that this setting accepts on the command line, for error
+    /// messages.
     #[must_use]
     pub fn expected_word(&self) -> String {
         self.words() + if self.is_optional() { ", or off" } else { "" }
@@ -201,7 +202,7 @@ impl Setting {
         }
     }
 
-    /// Returns type and range as JSON Schema.
+    /// Returns type and range of the setting's values as JSON Schema.
     fn value_schema(&self) -> Value {
         let real = |least, most| json!({"minimum": shortest(least), "maximum": shortest(most)});
         let whole = |least, most| json!({"minimum": least, "maximum": most});
@@ -222,7 +223,8 @@ impl Setting {
         schema
     }
 
-    /// Returns type, range, unit, description and value in `config` as JSON Schema; `minimum` of `lights` is that of the sampler in use.
+    /// Returns type, range, unit, description and value in `config` of the setting as JSON Schema; `minimum` of `lights` is that of the
+    /// sampler in use.
     #[must_use]
     pub fn schema(&self, config: &Config) -> Value {
         let mut schema = self.value_schema();
@@ -241,12 +243,12 @@ impl Setting {
     }
 }
 
-/// Returns the shortest decimal number that rounds to `v`: 0.03 and not 0.029999999329447746.
+/// Returns the shortest decimal number that rounds to the f32 `v`: 0.03 and not 0.029999999329447746.
 fn shortest(v: f32) -> f64 {
     v.to_string().parse().unwrap_or(v.into())
 }
 
-/// Largest number of characters of a client's text that an answer repeats.
+/// Largest number of characters of a client's text that an error message repeats.
 const ECHO: usize = 40;
 
 /// Returns at most 40 characters from the start of a client's `text`; control characters become spaces.

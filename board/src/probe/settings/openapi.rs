@@ -1,10 +1,10 @@
-//! The settings in the OpenAPI document.
+//! The settings of the probe in the OpenAPI document.
 
 use super::{Kind, SETTINGS, Setting, shortest};
 use serde_json::{Map, Value, json};
 
 impl Setting {
-    /// Returns the schema of the value in a query, where every value is text.
+    /// Returns the schema of the setting's value in a query, where every value is text.
     fn query_schema(&self) -> Value {
         let real =
             |least, most| json!({"type": "number", "minimum": shortest(least), "maximum": shortest(most)});
@@ -27,7 +27,7 @@ impl Setting {
     }
 }
 
-/// Returns the query parameters of `/change`.
+/// Returns the query parameters of `/change`, one per setting, for the OpenAPI document.
 #[must_use]
 pub fn parameters() -> Value {
     let parameter = |s: &Setting| {

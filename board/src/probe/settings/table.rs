@@ -14,7 +14,7 @@ const EXTRAPOLATION_NAMES: [&str; EXTRAPOLATIONS.len()] = [EXTRAPOLATIONS[0].0, 
 
 const MERGE_NAMES: [&str; MERGES.len()] = [MERGES[0].0, MERGES[1].0];
 
-/// Range of exposure times, seconds.
+/// Range of the exposure times that the settings accept, seconds.
 const EXPOSURES_S: (f32, f32) = (1e-6, 60.0);
 
 /// Declares the setting for the budget of stage `$i` of [`hemilux_core::wire::Latency::NAMES`].
@@ -35,7 +35,8 @@ macro_rules! budget {
     };
 }
 
-/// Writes `value` to `field`; leaves the field unchanged for `None`, which [`Setting::admits`] excludes.
+/// Writes `value` to `field` of a configuration; leaves `field` unchanged for `None`, which [`Setting::admits`]
+/// excludes.
 fn put<T>(field: &mut T, value: Option<T>) {
     if let Some(value) = value {
         *field = value;

@@ -4,7 +4,7 @@ use super::session::{Draft, PlacedCircle, Session};
 use crate::calibrate::{Calibrated, CircleLens, Guide, SECTORS, combine};
 use serde_json::{Value, json};
 
-/// Returns the state of `session`; angles in degrees, positions in pixels of the frame.
+/// Returns the state of the calibration `session` as JSON: angles in degrees, positions in pixels of the frame.
 pub(super) fn of(session: &Session, can_save: bool) -> Value {
     json!({
         "can_save": can_save,

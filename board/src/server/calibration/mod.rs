@@ -19,7 +19,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use tokio::sync::{Mutex, OwnedMutexGuard};
 
-/// The calibration in progress, one for all clients, and its file.
+/// The calibration in progress, one for all clients, and the lens file to which its results are saved.
 #[derive(Default)]
 pub(super) struct Calibrations {
     session: Arc<Mutex<Session>>,
@@ -45,7 +45,8 @@ pub(super) async fn show(State(context): State<Context>, _: Allowed) -> Response
     }
 }
 
-/// Runs the action that the JSON object in the body names, and answers with the state.
+/// Runs the calibration action that the JSON object in the body names, and answers with the state of the
+/// calibration.
 pub(super) async fn act(State(context): State<Context>, _: Allowed, request: Request) -> Response {
     let body = tokio::time::timeout(BODY_TIME, Bytes::from_request(request, &())).await;
     let Ok(Ok(body)) = body else {
@@ -75,7 +76,7 @@ pub(super) async fn act(State(context): State<Context>, _: Allowed, request: Req
     }
 }
 
-/// Waits for the burst of the next frame.
+/// Waits for the next frame and returns its burst; `None` without a frame within the time limit.
 async fn fresh(context: &Context) -> Option<Arc<BurstView>> {
     match pictures::view(&context.link, &context.link.views().bursts).await {
         View::Of { view, is_fresh: true, .. } => Some(view),

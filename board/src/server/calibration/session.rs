@@ -1,4 +1,4 @@
-//! The calibration in progress: unsaved results and readings.
+//! The calibration in progress: its readings and its unsaved results.
 
 use super::action::{Action, Part};
 use crate::calibrate::{
@@ -17,13 +17,14 @@ use hemilux_core::Exposure;
 use hemilux_core::lens::Lens;
 use std::path::Path;
 
-/// Largest number of readings of one kind.
+/// Largest number of readings of one kind in a calibration.
 const MOST_READINGS: usize = 400;
 
-/// Relative standard deviation common to all readings of one luxmeter: half of its error limit of 5 %.
+/// Relative standard deviation of the error that all readings of one luxmeter share: half of its error limit of
+/// 5 %.
 const METER: f64 = 0.025;
 
-/// A refused action: the field and the reason.
+/// A refused action of a calibration: the field of the request at fault and the reason.
 #[derive(Debug)]
 pub(super) struct Refusal {
     pub field: &'static str,
@@ -37,14 +38,14 @@ impl Refusal {
     }
 }
 
-/// A lens that is not saved yet.
+/// A computed lens that is not saved yet.
 #[derive(Clone, Debug)]
 pub(super) enum Draft {
     Board(Box<Calibrated>),
     Circle(Box<CircleLens>),
 }
 
-/// A photometric reading that is not saved yet.
+/// A photometric reading that is not saved yet, with the class of its light source and the camera's name.
 #[derive(Clone, Debug)]
 pub(super) struct Measured {
     pub reading: FactorReading,
@@ -56,11 +57,11 @@ pub(super) struct Measured {
 #[derive(Clone, Copy)]
 pub(super) struct PlacedCircle {
     pub circle: Circle,
-    /// Field of view across the circle, degrees.
+    /// Field of view across the image circle, degrees.
     pub field_deg: f64,
 }
 
-/// The unsaved results of a calibration.
+/// The readings and unsaved results of a calibration.
 #[derive(Default)]
 pub(super) struct Session {
     pub guide: Option<Guide>,
@@ -69,17 +70,17 @@ pub(super) struct Session {
     pub circle: Option<PlacedCircle>,
     circles_before: Vec<Option<PlacedCircle>>,
     pub readings: Vec<Reading>,
-    /// Number of readings before each addition, for the action `undo`.
+    /// Number of vignetting readings before each addition, for the action `undo`.
     additions: Vec<usize>,
     pub vignetting: Option<FittedVignetting>,
     pub response: Option<FittedResponse>,
     pub measured: Vec<Measured>,
-    /// Columns and rows of the pictures.
+    /// Columns and rows of the camera's pictures.
     pub size: Option<[usize; 2]>,
 }
 
 impl Session {
-    /// Returns true if there are results to save.
+    /// Returns true if the calibration has results that are not saved.
     pub(super) fn is_unsaved(&self) -> bool {
         self.lens.is_some()
             || self.vignetting.is_some()
@@ -164,7 +165,8 @@ impl Session {
         Ok(())
     }
 
-    /// Sets the circle that a client has drawn; its assumed standard deviation is a hundredth of its radius.
+    /// Sets the image circle that a client has drawn; its assumed standard deviation is a hundredth of its
+    /// radius.
     fn drag_circle(
         &mut self,
         view: &BurstView,
@@ -192,7 +194,7 @@ impl Session {
         Ok(())
     }
 
-    /// Returns the lens that was computed last, or the probe's.
+    /// Returns the lens that this calibration has computed last, or the probe's lens if it has computed none.
     fn newest_lens(&self, view: &BurstView) -> Lens {
         match &self.lens {
             Some(Draft::Board(calibrated)) => calibrated.lens,
@@ -201,7 +203,8 @@ impl Session {
         }
     }
 
-    /// Adds a reading of a lit screen from the longest exposure in which the screen is not clipped.
+    /// Adds the reading of a lit screen to the vignetting readings, from the longest exposure in which the
+    /// screen is not clipped.
     fn screen(&mut self, view: &BurstView) -> Result<(), Refusal> {
         let lens = self.newest_lens(view);
         for frame in view.frames.iter().rev() {
@@ -210,7 +213,8 @@ impl Session {
             if let Some(mut reading) =
                 screen(&lens, &CodedPicture { grey: &grey, response: &view.calibration.response })
             {
-                // The reading becomes a radiance: readings of the same screen in different exposures agree.
+                // The reading is converted to a radiance: readings of the same screen in different exposures
+                // then agree.
                 reading.light /= frame.exposure.seconds * frame.exposure.gain;
                 return self.add(vec![reading]);
             }
@@ -304,13 +308,13 @@ impl Session {
         }
     }
 
-    /// Writes the unsaved results to the file and removes them from the session.
+    /// Writes the unsaved results of the calibration to `file` and removes them from the session.
     fn save(&mut self, file: Option<&Path>, force: bool) -> Result<(), Refusal> {
         let path = file.ok_or_else(|| Refusal {
             status: StatusCode::CONFLICT,
             ..Refusal::new("save", "found no lens file, expected the probe to be started with --calibration FILE or a source with lens=FILE")
         })?;
-        // Errors contain the file's name without its folder, which is not disclosed.
+        // Errors contain the name of the lens file without its folder, which is not disclosed to clients.
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let refused = |e: String| Refusal {
             status: StatusCode::CONFLICT,
@@ -357,13 +361,13 @@ fn positive(lux: f64) -> Result<f64, Refusal> {
 
 /// Returns the codes of a frame in eight bits, without a transfer function.
 fn plain(frame: &crate::calibration::Frame, calibration: &Calibration) -> Option<Grey> {
-    // Without a curve in the conversion, so that the response of the calibration applies to the codes.
+    // The conversion to eight bits uses no curve, so that the response of the calibration applies to the codes.
     let mut as_is = *calibration;
     as_is.response = hemilux_core::Response::Srgb;
     crate::calibrate::grey(frame, &as_is)
 }
 
-/// A source of relative radiance that returns one burst.
+/// A source of relative radiance that returns one given burst.
 struct Still {
     calibration: Calibration,
     burst: Burst,

@@ -34,13 +34,13 @@ use tokio::sync::watch;
 /// Largest head of a request, bytes; browsers send about one kilobyte.
 const HEAD_BYTES: usize = 16 << 10;
 
-/// Length of the pieces in which an answer is sent, bytes.
+/// Length of the pieces in which the body of an answer is sent, bytes.
 const PIECE_BYTES: usize = 64 << 10;
 
-/// Pause after `accept` has failed, for example for lack of file descriptors.
+/// Pause after the system call `accept` has failed, for example for lack of file descriptors.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 
-/// The answer to a connection beyond the limit.
+/// The answer to a connection beyond the limit on connections.
 const BUSY: &[u8] = b"HTTP/1.1 503 Service Unavailable\r\nRetry-After: 1\r\nConnection: close\r\nContent-Length: 21\r\n\r\ntoo many connections\n";
 
 /// Accepts TCP connections within the limits of the server.
@@ -83,7 +83,7 @@ impl Acceptor {
         let client = (!self.proxies.contains(address)).then(|| ClientKey::of(address));
         let Some(permit) = self.limiter.try_acquire(client) else {
             self.counts.refused("connections");
-            // The send buffer of a new socket has space for this answer.
+            // The send buffer of a new socket has space for [`BUSY`].
             let _ = stream.try_write(BUSY);
             return;
         };
@@ -98,7 +98,7 @@ impl Acceptor {
 #[derive(Debug)]
 pub(in crate::server) struct ConnectionGuard {
     permit: Permit,
-    /// The address of the peer: a client or a proxy.
+    /// The IP address of the other end of the connection: a client or a proxy.
     pub(in crate::server) address: IpAddr,
     pub(in crate::server) queues: Queues,
     counts: Arc<Counts>,
@@ -112,12 +112,12 @@ impl ConnectionGuard {
         Arc::new(Self { permit, address, queues: Queues::of(stream), counts })
     }
 
-    /// Counts the connection of a proxy under the client whose request it forwards.
+    /// Counts this connection of a proxy under `client`, whose request the proxy forwards.
     pub(in crate::server) fn assign(&self, client: ClientKey) {
         self.permit.assign(client);
     }
 
-    /// Marks the connection as answering until the returned value is dropped.
+    /// Marks the connection as answering a request until the returned value is dropped.
     pub(in crate::server) fn begin(&self) -> Answering {
         self.activity().begin()
     }
@@ -136,7 +136,7 @@ impl Drop for ConnectionGuard {
 /// The body of an answer in pieces of [`PIECE_BYTES`]: the connection counts as answering until the last piece is being sent.
 struct AnswerBody {
     body: Body,
-    /// Bytes of the last piece that are not sent yet.
+    /// Bytes of the piece in progress that are not sent yet.
     rest: Bytes,
     _answering: Answering,
     _enlarged: Option<Enlarged>,
@@ -232,7 +232,8 @@ async fn serve_connection(
     }
 }
 
-/// Returns the reason under which the end of a connection is counted; most ends are clients that disconnected.
+/// Returns the reason under which the end of a connection with `error` is counted; most errors are
+/// disconnections by clients.
 fn reason_of(error: &hyper::Error) -> &'static str {
     let kind = error.source().and_then(|e| e.downcast_ref::<io::Error>()).map(io::Error::kind);
     match kind {

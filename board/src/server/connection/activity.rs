@@ -1,4 +1,4 @@
-//! The state of a connection: the client's progress, and whether the server has closed the connection.
+//! The state of a connection: the progress of its client, and whether the server has closed it.
 
 use super::tcp;
 use futures_util::task::AtomicWaker;
@@ -14,13 +14,15 @@ const STALLED_MS: u64 = 1000;
 /// Rank of a connection by the progress of its client, ascending: at a limit, the connection of the lowest rank is displaced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Rank {
-    /// No complete request so far; the field is the time of the connection's arrival.
+    /// The connection has no complete request so far; the field is the time of its arrival.
     Unfinished(u64),
-    /// Between two requests; the field is the time of the last answer.
+    /// The connection is between two requests; the field is the time at which its last answer ended.
     Idle(u64),
-    /// An answer is blocked because the client does not read; the field is the time at which it was blocked.
+    /// An answer on the connection is blocked because the client does not read; the field is the time at which
+    /// the answer was blocked.
     Stalled(u64),
-    /// A request is being answered; the field is the number of bytes that the client has received.
+    /// A request on the connection is being answered; the field is the number of bytes that the client has
+    /// received.
     Answering(u64),
 }
 
@@ -28,15 +30,16 @@ pub(super) enum Rank {
 #[derive(Debug)]
 pub(in crate::server) struct Activity {
     epoch: Instant,
-    /// Number of requests with complete heads.
+    /// Number of requests of the connection with complete heads.
     requests: AtomicU64,
-    /// Number of requests that are being answered.
+    /// Number of requests of the connection that are being answered.
     answering: AtomicU64,
-    /// Number of bytes that the kernel has accepted for the client.
+    /// Number of bytes of answers that the kernel has accepted for the client.
     taken: AtomicU64,
-    /// Time of the last change between idle and answering, milliseconds since `epoch`.
+    /// Time of the connection's last change between idle and answering, milliseconds since `epoch`.
     changed_ms: AtomicU64,
-    /// Time at which a write was blocked, milliseconds since `epoch`; [`u64::MAX`] while none is blocked.
+    /// Time at which the write in progress was blocked, milliseconds since `epoch`; [`u64::MAX`] while no write
+    /// is blocked.
     blocked_ms: AtomicU64,
     is_cut: AtomicBool,
     waker: AtomicWaker,
@@ -66,7 +69,7 @@ impl Activity {
         u64::try_from(self.epoch.elapsed().as_millis()).unwrap_or(u64::MAX)
     }
 
-    /// Counts a request as being answered until the returned value is dropped.
+    /// Counts a request of the connection as being answered until the returned value is dropped.
     pub(in crate::server) fn begin(self: &Arc<Self>) -> Answering {
         self.requests.fetch_add(1, Relaxed);
         self.answering.fetch_add(1, Relaxed);
@@ -74,23 +77,23 @@ impl Activity {
         Answering(Arc::clone(self))
     }
 
-    /// Returns the number of requests so far.
+    /// Returns the number of requests of the connection with complete heads.
     pub(super) fn requests(&self) -> u64 {
         self.requests.load(Relaxed)
     }
 
-    /// Adds `bytes` to the bytes received by the client; a blocked write has then ended.
+    /// Adds `bytes` to the number of bytes that the client has received; a blocked write has then ended.
     pub(super) fn progress(&self, bytes: usize) {
         self.taken.fetch_add(bytes as u64, Relaxed);
         self.blocked_ms.store(u64::MAX, Relaxed);
     }
 
-    /// Stores the present time as the time at which a write was blocked, if none was.
+    /// Records that a write is blocked from now on, unless a write is blocked already.
     pub(super) fn blocked(&self) {
         let _ = self.blocked_ms.compare_exchange(u64::MAX, self.now_ms(), Relaxed, Relaxed);
     }
 
-    /// Returns the rank of the connection.
+    /// Returns the rank of the connection, by which the limiter selects the one to displace.
     pub(super) fn rank(&self) -> Rank {
         let blocked = self.blocked_ms.load(Relaxed);
         if self.now_ms().saturating_sub(STALLED_MS) >= blocked {
@@ -109,13 +112,14 @@ impl Activity {
         let _ = self.socket.set(Arc::downgrade(stream));
     }
 
-    /// Returns the time for which a write has been blocked, milliseconds.
+    /// Returns the time for which a write of the connection has been blocked, milliseconds; 0 while none is
+    /// blocked.
     pub(super) fn blocked_for_ms(&self) -> u64 {
         self.now_ms().saturating_sub(self.blocked_ms.load(Relaxed))
     }
 
-    /// Ends the connection: reads and writes of its stream fail from now on. The socket is reset, also if the program ends before the
-    /// connection's task runs again.
+    /// Ends the connection: reads and writes of its stream fail from now on. The kernel resets the socket, also if the program ends
+    /// before the connection's task runs again.
     pub(super) fn cut(&self) {
         if let Some(stream) = self.socket.get().and_then(Weak::upgrade) {
             tcp::reset_on_close(&stream);
@@ -124,14 +128,14 @@ impl Activity {
         self.waker.wake();
     }
 
-    /// Returns true if the connection was cut. Otherwise the task of `cx` is woken when it is cut.
+    /// Returns true if the connection was cut. Otherwise a later [`Activity::cut`] wakes the task of `cx`.
     pub(super) fn poll_cut(&self, cx: &Context<'_>) -> bool {
         self.waker.register(cx.waker());
         self.is_cut.load(Relaxed)
     }
 }
 
-/// A request that is being answered.
+/// A request of a connection that is being answered; it ends on drop.
 #[derive(Debug)]
 pub(in crate::server) struct Answering(Arc<Activity>);
 

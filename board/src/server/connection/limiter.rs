@@ -1,4 +1,5 @@
-//! Limits the number of connections, in total and per client. At a limit, a new connection displaces the one of the lowest rank.
+//! Limits the number of connections, in total and per client. At a limit, a new connection displaces the connection of the
+//! lowest rank.
 
 use super::activity::{Activity, Rank};
 use crate::server::client_key::ClientKey;
@@ -7,34 +8,34 @@ use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-/// Grants permits for connections up to a total and a number per client.
+/// Grants permits for connections, up to a total number and a number per client.
 #[derive(Debug)]
 pub(in crate::server) struct ConnectionLimiter {
     epoch: Instant,
     total: usize,
     per_client: usize,
     state: Mutex<LimiterState>,
-    /// Notified when a permit is released.
+    /// Notified when the permit of a connection is released.
     released: tokio::sync::Notify,
 }
 
 #[derive(Debug, Default)]
 struct LimiterState {
     next_id: u64,
-    /// Number of permits that are not released, including those of displaced connections.
+    /// Number of connection permits that are not released, including those of displaced connections.
     permits: usize,
-    /// Connections that count towards the limits, by id.
+    /// Connections that count towards the limits, by the id of their permit.
     entries: HashMap<u64, Entry>,
 }
 
 #[derive(Debug)]
 struct Entry {
-    /// The client; `None` for a connection of a trusted proxy that is between two requests.
+    /// The client of the connection; `None` for a connection of a trusted proxy that is between two requests.
     client: Option<ClientKey>,
     activity: Arc<Activity>,
 }
 
-/// Permission for one connection, released on drop.
+/// Permission for one open connection, released on drop.
 #[derive(Debug)]
 pub(in crate::server) struct Permit {
     limiter: Arc<ConnectionLimiter>,
@@ -48,8 +49,8 @@ impl ConnectionLimiter {
         Arc::new(Self { epoch: Instant::now(), total, per_client, state, released })
     }
 
-    /// Grants a permit to a connection of `client`. Displaces another connection where a limit is reached; `None` where none
-    /// may be displaced.
+    /// Grants a permit to a new connection of `client`. Where a limit is reached, another connection is displaced; `None`
+    /// where none may be displaced.
     pub(super) fn try_acquire(self: &Arc<Self>, client: Option<ClientKey>) -> Option<Permit> {
         let mut state = self.lock();
         state.make_room(client, self.per_client);
@@ -64,7 +65,7 @@ impl ConnectionLimiter {
         Some(Permit { limiter: Arc::clone(self), id, activity })
     }
 
-    /// Closes the connections whose answers have been blocked for `ms` milliseconds or longer.
+    /// Closes the connections on which an answer has been blocked for `ms` milliseconds or longer.
     pub(in crate::server) fn cut_blocked(&self, ms: u64) {
         let mut state = self.lock();
         let is_blocked = |entry: &Entry| entry.activity.blocked_for_ms() >= ms;
@@ -80,7 +81,7 @@ impl ConnectionLimiter {
         self.lock().entries.values().for_each(|entry| entry.activity.cut());
     }
 
-    /// Waits until all permits are released.
+    /// Waits until the permits of all connections are released.
     pub(super) async fn wait_empty(&self) {
         loop {
             let released = self.released.notified();
@@ -99,7 +100,7 @@ impl ConnectionLimiter {
 }
 
 impl LimiterState {
-    /// Returns the id of the entry of lowest rank among those for which `is_meant` returns true.
+    /// Returns the id of the connection of the lowest rank among those for which `is_meant` returns true.
     fn lowest(&self, is_meant: impl Fn(&Entry) -> bool) -> Option<u64> {
         let entries = self.entries.iter().filter(|(_, entry)| is_meant(entry));
         entries.min_by_key(|(id, entry)| (entry.activity.rank(), Reverse(**id))).map(|(id, _)| *id)
@@ -113,7 +114,7 @@ impl LimiterState {
         self.entries.values().filter(|entry| entry.client == client).count()
     }
 
-    /// Displaces connections of `client` until it has fewer than `limit`.
+    /// Displaces connections of `client` until `client` has fewer than `limit`.
     fn make_room(&mut self, client: Option<ClientKey>, limit: usize) {
         while client.is_some() && self.count(client) >= limit.max(1) {
             let Some(lowest) = self.lowest(|entry| entry.client == client) else { return };
@@ -121,8 +122,9 @@ impl LimiterState {
         }
     }
 
-    /// Displaces a connection at the total limit: one of the client with the most connections if `client` has fewer, else one of `client`. A
-    /// client without connections displaces a connection that answers no request where all clients have one each.
+    /// Displaces a connection at the limit on all connections. If another client has more connections than `client`, and more than one, one
+    /// of the client with the most is displaced; else one of `client`. If `client` has none and all others have one each, a connection that
+    /// answers no request is displaced.
     fn displace_for(&mut self, client: Option<ClientKey>) -> Option<()> {
         let own = self.count(client);
         let most = self.entries.values().map(|entry| self.count(entry.client)).max()?;
@@ -142,7 +144,7 @@ impl Permit {
         &self.activity
     }
 
-    /// Counts the connection of a proxy under the client whose request it forwards.
+    /// Counts this connection of a proxy under `client`, whose request the proxy forwards.
     pub(in crate::server) fn assign(&self, client: ClientKey) {
         let mut state = self.limiter.lock();
         if state.entries.get(&self.id).is_none_or(|entry| entry.client == Some(client)) {

@@ -29,10 +29,11 @@ const THREADS: usize = 2;
 /// Largest number of threads for blocking work: the systemd unit allows 64 tasks in all.
 const BLOCKING_THREADS: usize = 8;
 
-/// Number of file descriptors that are not connections: cameras, files, and those of the runtime.
+/// Number of file descriptors reserved for other uses than connections: cameras, files, and those of the
+/// runtime.
 const OTHER_DESCRIPTORS: u64 = 64;
 
-/// Longest wait at shutdown for the end of connections that were closed.
+/// Longest wait at the server's shutdown for the end of connections that were cut.
 const CUT: Duration = Duration::from_millis(100);
 
 /// Limits on the resources that clients use.
@@ -40,16 +41,16 @@ const CUT: Duration = Duration::from_millis(100);
 pub struct Limits {
     /// Largest number of open connections: each takes a file descriptor, about 30 KB in the process and about 30 KB in the kernel.
     pub connections: usize,
-    /// Largest number of open connections of one client (for IPv6: of one /64 network). A further connection displaces the one of the lowest
-    /// rank.
+    /// Largest number of open connections of one client (for IPv6: of one /64 network). A further connection displaces the client's
+    /// connection of the lowest rank.
     pub per_address: usize,
-    /// Number of requests on one connection, after which the server closes it.
+    /// Largest number of requests on one connection, after which the server closes it.
     pub requests: u64,
-    /// Timeout for the head of a request, and for the idle time between requests.
+    /// Timeout for the head of a request, and for the idle time of a connection between two requests.
     pub head: Duration,
     /// Timeout for an answer of which the client accepts no byte.
     pub stall: Duration,
-    /// Timeout for the shutdown of all connections, after which they are reset.
+    /// Time from the start of the server's shutdown after which the remaining connections are reset.
     pub grace: Duration,
 }
 
@@ -67,8 +68,8 @@ impl Default for Limits {
 }
 
 impl Limits {
-    /// Returns the limits with the number of connections reduced to the available file descriptors; raises the process's limit on descriptors
-    /// where possible.
+    /// Returns these limits with the number of connections reduced to the available file descriptors, after raising the process's limit on
+    /// descriptors where possible.
     ///
     /// # Errors
     /// The limit of the process is too low for `OTHER_DESCRIPTORS` file descriptors and one connection.
@@ -91,7 +92,7 @@ impl Limits {
     }
 }
 
-/// A running server on its own threads. Dropping it aborts it, [`Running::stop`] shuts it down.
+/// A running server on threads of its own. Dropping it aborts the server, [`Running::stop`] shuts it down.
 pub struct Running {
     address: SocketAddr,
     limits: Limits,
@@ -101,7 +102,7 @@ pub struct Running {
     accepting: JoinHandle<()>,
 }
 
-/// Streams of SIGINT, SIGTERM and SIGHUP.
+/// The streams of the signals SIGINT, SIGTERM and SIGHUP that the process receives.
 pub struct Signals {
     interrupt: Signal,
     terminate: Signal,
@@ -113,9 +114,9 @@ pub struct Signals {
 pub enum Event {
     /// SIGINT or SIGTERM was received.
     Stop,
-    /// SIGHUP: the configuration file is read again.
+    /// SIGHUP was received: the configuration file must be read again.
     Reload,
-    /// The future that was passed has ended.
+    /// The future that was passed to [`Running::wait`] has ended.
     Ended,
 }
 
@@ -161,7 +162,7 @@ impl Running {
         })
     }
 
-    /// Waits for a signal or for the end of `other`.
+    /// Waits for a signal to the process or for the end of `other`.
     pub fn wait(&self, signals: &mut Signals, other: impl Future<Output = ()>) -> Event {
         self.runtime.block_on(async {
             tokio::select! {
@@ -173,8 +174,8 @@ impl Running {
         })
     }
 
-    /// Accepts no more connections, answers the requests in progress and returns when all connections are closed. After [`Limits::grace`],
-    /// the remaining ones are reset.
+    /// Shuts the server down: it accepts no more connections, answers the requests in progress and returns when all connections are
+    /// closed. After [`Limits::grace`], the remaining connections are reset.
     pub fn stop(self) {
         self.stop.send_replace(true);
         self.runtime.block_on(async {
@@ -189,7 +190,7 @@ impl Running {
     }
 }
 
-/// Waits for the shutdown of the server.
+/// Waits until the shutdown of the server begins.
 pub(super) async fn stopped(stop: &mut watch::Receiver<bool>) {
     let _ = stop.wait_for(|stop| *stop).await;
 }

@@ -13,15 +13,15 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
 use tokio::time::{Sleep, sleep};
 
-/// A stream that fails when its connection is cut, or when a write makes no progress for `stall`. After a failure the socket is reset on drop, so
-/// that the kernel keeps no unsent data.
+/// The byte stream of a connection, which fails when the connection is cut, or when a write makes no progress for `stall`. After a failure, the
+/// socket is reset on drop, so that the kernel keeps no unsent data.
 pub(super) struct ClientStream {
     stream: Arc<TcpStream>,
     stall: Duration,
     activity: Arc<Activity>,
-    /// Timeout of a blocked write; `None` while none is blocked.
+    /// Timeout of the write that is blocked; `None` while no write is blocked.
     timer: Option<Pin<Box<Sleep>>>,
-    /// True if the connection must be reset in place of an orderly shutdown.
+    /// True if the connection must be reset instead of shut down in order.
     has_failed: bool,
 }
 
@@ -36,7 +36,7 @@ impl ClientStream {
         Poll::Ready(Err(kind.into()))
     }
 
-    /// Starts the timer when `progress` is pending and clears it otherwise.
+    /// Starts the timeout of a write when `progress` is pending and clears it otherwise.
     fn watch<T>(&mut self, cx: &mut Context<'_>, progress: Poll<io::Result<T>>) -> Poll<io::Result<T>> {
         if progress.is_ready() {
             self.timer = None;
@@ -50,7 +50,7 @@ impl ClientStream {
     }
 }
 
-/// Calls `attempt` when `ready`, until its result is another one than `WouldBlock`.
+/// Calls `attempt` when the socket is `ready`, until its result is another one than `WouldBlock`.
 fn retry<T>(
     cx: &mut Context<'_>,
     ready: impl Fn(&mut Context<'_>) -> Poll<io::Result<()>>,

@@ -8,13 +8,15 @@ use std::sync::{Arc, Weak};
 use std::time::Duration;
 use tokio::net::TcpStream;
 
-/// Size of a send buffer, bytes. Linux doubles it and counts its own overhead: about 32 KB of data fit.
+/// Size of the send buffer of a socket, bytes. Linux doubles it and counts its own overhead: about 32 KB of
+/// data fit.
 const SEND_BYTES: usize = 32 << 10;
 
-/// Size of the send buffer of a connection with a large answer, bytes: a small buffer would send it in many small steps.
+/// Size of the send buffer of a socket with a large answer, bytes: a small buffer would send the answer in many small
+/// steps.
 const LARGE_SEND_BYTES: usize = 192 << 10;
 
-/// Length of an answer above which it is large, bytes.
+/// Length of an answer above which the answer counts as large, bytes.
 const LARGE_BYTES: u64 = 48 << 10;
 
 /// Largest number of connections with large send buffers.
@@ -23,14 +25,14 @@ const LARGE_BUFFERS: usize = 12;
 /// Number of connections with large send buffers.
 static LARGE: AtomicUsize = AtomicUsize::new(0);
 
-/// Size of a receive buffer, bytes: requests are at most 16 KB of head and 16 KB of body.
+/// Size of the receive buffer of a socket, bytes: requests are at most 16 KB of head and 16 KB of body.
 const RECEIVE_BYTES: usize = 16 << 10;
 
-/// Largest segment, bytes. The loopback interface has segments of 64 KB; a receiver acknowledges at once after two segments, which a small buffer
-/// cannot hold, and after 40 ms otherwise.
+/// Largest TCP segment, bytes. The loopback interface has segments of 64 KB; a receiver acknowledges at once after two segments, and after 40 ms
+/// otherwise, and a small send buffer cannot hold two segments of 64 KB.
 const SEGMENT_BYTES: u32 = 8 << 10;
 
-/// Sets the sizes of the buffers of the sockets that `listener` accepts.
+/// Sets the sizes of the send and receive buffers of the sockets that `listener` accepts.
 pub(super) fn prepare_listener(listener: &impl AsFd) -> io::Result<()> {
     let listener = SockRef::from(listener);
     listener.set_send_buffer_size(SEND_BYTES)?;
@@ -38,15 +40,15 @@ pub(super) fn prepare_listener(listener: &impl AsFd) -> io::Result<()> {
     listener.set_tcp_mss(SEGMENT_BYTES)
 }
 
-/// Disables Nagle's algorithm, and sets the kernel's timeout for a peer that acknowledges nothing to `stall`, also after the program has closed
-/// the socket.
+/// Disables Nagle's algorithm on a socket, and sets to `stall` the kernel's timeout for a peer that acknowledges nothing, which also applies
+/// after the program has closed the socket.
 pub(super) fn prepare(stream: &TcpStream, stall: Duration) {
     // With Nagle's algorithm, the end of an answer may wait 40 ms for the client's acknowledgement.
     let _ = stream.set_nodelay(true);
     let _ = SockRef::from(stream).set_tcp_user_timeout(Some(stall));
 }
 
-/// Discards unsent data and resets the connection when the socket is closed.
+/// Makes the kernel discard unsent data and reset the connection when the socket is closed.
 pub(super) fn reset_on_close(stream: &TcpStream) {
     let _ = SockRef::from(stream).set_linger(Some(Duration::ZERO));
 }
@@ -55,7 +57,7 @@ pub(super) fn reset_on_close(stream: &TcpStream) {
 #[derive(Debug)]
 pub(in crate::server) struct Queues {
     stream: Weak<TcpStream>,
-    /// Largest receive window that the client has advertised, bytes.
+    /// Largest receive window that the client has advertised so far, bytes.
     widest: AtomicU32,
 }
 
@@ -64,8 +66,8 @@ impl Queues {
         Self { stream: Arc::downgrade(stream), widest: AtomicU32::new(0) }
     }
 
-    /// Enlarges the send buffer for an answer of `length` bytes until the returned value is dropped; `None` if the answer is small or too
-    /// many buffers are enlarged.
+    /// Enlarges the connection's send buffer for an answer of `length` bytes until the returned value is dropped; `None` if the answer is
+    /// small or [`LARGE_BUFFERS`] send buffers are enlarged.
     pub(in crate::server) fn enlarge(&self, length: u64) -> Option<Enlarged> {
         let stream = (length > LARGE_BYTES).then(|| self.stream.upgrade())??;
         let enlarged = Enlarged(Weak::clone(&self.stream));
@@ -76,7 +78,7 @@ impl Queues {
         Some(enlarged)
     }
 
-    /// Returns true if the client lags behind: data is unsent, more than `allowed` bytes are unacknowledged, or more than half of the
+    /// Returns true if the client is slow: data is unsent, more than `allowed` bytes are unacknowledged, or more than half of the
     /// client's receive window is full.
     pub(in crate::server) fn is_backlogged(&self, allowed: usize) -> bool {
         let Some(info) = self.stream.upgrade().and_then(|stream| tcp_info(stream.as_fd())) else {
@@ -103,7 +105,7 @@ impl Drop for Enlarged {
     }
 }
 
-/// Returns the kernel's state of a TCP connection; fields that an old kernel does not have are 0.
+/// Returns the kernel's state of a TCP connection; fields that an old kernel does not fill are 0.
 #[allow(unsafe_code, reason = "no safe wrapper returns struct tcp_info")]
 fn tcp_info(socket: BorrowedFd<'_>) -> Option<libc::tcp_info> {
     let mut info = std::mem::MaybeUninit::<libc::tcp_info>::zeroed();

@@ -11,7 +11,7 @@ const CSS: &str = "text/css; charset=utf-8";
 const JAVASCRIPT: &str = "text/javascript; charset=utf-8";
 const SVG: &str = "image/svg+xml";
 
-/// Declares the files of the page by name, with their content types.
+/// Declares the files of the page by name, each with its content type.
 macro_rules! files {
     ($($name:literal: $kind:expr),* $(,)?) => { [$(($name, File::new($kind, include_str!($name)))),*] };
 }
@@ -52,7 +52,7 @@ pub(super) async fn index(headers: HeaderMap) -> Response {
     INDEX.answer(&headers)
 }
 
-/// Answers `/page/NAME` with a file of the page.
+/// Answers `/page/NAME` with the file NAME of the page.
 pub(super) async fn part(Path(name): Path<String>, headers: HeaderMap) -> Response {
     match FILES.iter().find(|(known, _)| *known == name) {
         Some((_, file)) => file.answer(&headers),

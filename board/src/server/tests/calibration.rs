@@ -1,4 +1,4 @@
-//! `/v1/calibration`: files are written by the action save alone, every step can be undone, wrong requests are refused on one line.
+//! `/v1/calibration`: the action `save` alone writes files, every step can be undone, wrong requests are refused on one line.
 
 use super::*;
 

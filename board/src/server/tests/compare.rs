@@ -1,4 +1,4 @@
-//! `/v1/compare`.
+//! `/v1/compare`: the light sets of two samplers for one frame, their scores, and refused requests.
 
 use super::security::locked;
 use super::*;
@@ -47,7 +47,7 @@ async fn two_sets_of_the_same_frame_are_returned_with_their_scores() {
         }
         last = Some(frame);
     }
-    // The comparison has not changed the probe's own set.
+    // The comparison has not changed the light set of the probe's own sampler.
     let (_, _, text) = get(&app, "/v1/lights").await;
     assert!(text.contains("\"sampler\":\"adaptive\""), "{text}");
 }

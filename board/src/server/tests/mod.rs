@@ -1,4 +1,4 @@
-//! Tests of the routes without sockets.
+//! Tests of the server's routes without sockets.
 
 mod calibration;
 mod compare;
@@ -23,12 +23,12 @@ use serde_json::Value;
 use std::time::Duration;
 use tower::ServiceExt;
 
-/// Returns the routes for this machine alone, without a token.
+/// Returns the routes of a server for this machine alone, without a token.
 fn routes(probe: &Probe) -> Router {
     app(probe.link(), Options::default()).router()
 }
 
-/// A scene that delivers `left` bursts and then fails.
+/// A source that delivers `left` bursts of a scene and then fails.
 struct Mortal {
     scene: SceneSource,
     left: usize,
@@ -69,7 +69,7 @@ fn probe(bursts: usize) -> Probe {
         .expect("a probe")
 }
 
-/// An answer with its whole body.
+/// The answer to a request, with its whole body.
 struct Got {
     status: u16,
     headers: axum::http::HeaderMap,

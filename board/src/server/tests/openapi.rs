@@ -1,4 +1,4 @@
-//! The OpenAPI document, compared with the routes.
+//! Tests that the OpenAPI document describes the routes of the server.
 
 use super::security::locked;
 use super::*;
@@ -41,7 +41,7 @@ async fn the_document_lists_every_route_and_method_and_no_other() {
             let is_described = document["paths"][path].get(method.to_lowercase()).is_some();
             let request = Request::builder().method(method).uri(filled(path)).header("host", "localhost");
             let request = request.body(Body::empty()).expect("a request");
-            // The head of the answer alone is read: event streams have no end.
+            // The test reads only the head of the answer: event streams have no end.
             let status = app.clone().oneshot(request).await.expect("an answer").status().as_u16();
             assert_eq!(status != 405, is_described, "{method} {path}: {status}");
             let known = is_described.then(|| &document["paths"][path][method.to_lowercase()]["responses"]);
@@ -101,7 +101,7 @@ fn check(document: &Value, schema: &Value, value: &Value, place: &str) {
     }
 }
 
-/// Refusals list the accepted parameters; the document must list the same.
+/// Each refusal lists the accepted parameters of its path; the document must list the same.
 #[tokio::test]
 async fn the_document_lists_every_accepted_parameter() {
     let document = document();

@@ -1,4 +1,4 @@
-//! Pictures, decoded and compared.
+//! Tests of the pictures of the server, which are decoded and compared.
 
 use super::*;
 use crate::calibration::Pixels;
@@ -51,8 +51,8 @@ async fn exposures_are_jpegs_of_ascending_brightness() {
     }
 }
 
-/// A camera with a queue: each burst is delivered three bursts after it was taken. All pixels of a picture have a code that states the number of
-/// its burst.
+/// A camera with a queue of bursts: each burst is delivered three bursts after it was taken. All pixels of a picture have a code that states the
+/// number of the burst.
 struct Queue {
     scene: SceneSource,
     waiting: VecDeque<Burst>,
@@ -170,7 +170,8 @@ async fn the_map_has_the_energy_of_the_light_set() {
     let probe = probe(usize::MAX);
     let app = routes(&probe);
     let newest = || probe.link().sets().latest().expect("a set");
-    // The lamps change from frame to frame: map and light set must be of the same frame.
+    // The lamps of the scene change from frame to frame: the test fails unless map and light set are of the
+    // same frame.
     let mut got = fetch(&app, "GET", "/v1/map.exr", &[], "").await;
     let mut latest = newest();
     while latest.frame.to_string() != got.header("hemilux-frame") {

@@ -47,7 +47,7 @@ async fn changes_and_pictures_require_the_token_and_other_requests_do_not() {
         "Digest x",
     ];
     for (method, uri) in PROTECTED {
-        // Each request has a burst of wrong tokens for itself.
+        // Each of the requests has its own allowance of wrong tokens.
         let app = locked(&probe);
         for given in wrong {
             let headers = [("authorization", given)];

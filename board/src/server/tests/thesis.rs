@@ -1,4 +1,4 @@
-//! The requests of the thesis's appendix A.1.
+//! Tests of the requests of the thesis's appendix A.1.
 
 use super::*;
 use hemilux_core::SamplerKind;

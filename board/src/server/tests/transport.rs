@@ -93,7 +93,7 @@ fn read(bytes: Vec<u8>) -> maps::DecodedMap {
     maps::read_from(Cursor::new(bytes), length, &maps::ReadOptions::default()).expect("a map")
 }
 
-/// Returns the irradiance of a horizontal surface under a map.
+/// Returns the irradiance, green channel, of a horizontal surface under a decoded map.
 fn ground(map: &maps::DecodedMap) -> f64 {
     let lowest =
         if map.covers == maps::Covers::Sphere { std::f64::consts::PI } else { std::f64::consts::FRAC_PI_2 };
@@ -106,7 +106,8 @@ fn ground(map: &maps::DecodedMap) -> f64 {
 
 #[tokio::test]
 async fn maps_have_the_requested_form_and_the_irradiance_of_the_set() {
-    // The lamps of the scene switch: all maps are of the source's last frame.
+    // The lamps of the scene switch on and off: the source ends after one frame, so that all maps are of that
+    // frame.
     let probe = probe(1);
     let app = routes(&probe);
     let set = loop {

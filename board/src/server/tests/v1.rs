@@ -1,4 +1,4 @@
-//! The requests under `/v1`.
+//! Tests of the requests under `/v1`.
 
 use super::*;
 use hemilux_core::wire::BinarySet;
@@ -42,7 +42,7 @@ async fn lights_are_returned_in_the_requested_form() {
     }
 }
 
-/// Returns direction and irradiance of each light, by id.
+/// Returns direction and irradiance of each light of a light set, by the id of the light.
 fn by_id(set: &Value) -> std::collections::BTreeMap<u64, (Vec<f64>, Vec<f64>)> {
     let reals =
         |v: &Value| v.as_array().expect("numbers").iter().map(|v| v.as_f64().expect("a number")).collect();
@@ -87,7 +87,7 @@ async fn get_json(app: &Router, uri: &str) -> Value {
     got.json()
 }
 
-/// Waits until `frame` is finished.
+/// Waits until the light set of `frame` is published.
 async fn wait_for(probe: &Probe, frame: u64) {
     let mut frames = probe.link().sets().subscribe();
     let there = frames.wait_for(|set| set.as_ref().is_some_and(|s| s.frame >= frame));

@@ -47,7 +47,7 @@ fn held(format: Format, bytes: &[u8]) -> EncodedEnergy {
             if let Some(sh) = set.ambient_sh() {
                 held.ambient = flux(|row, c| f64::from(sh[row][c]));
             }
-            // The part left out follows from the other numbers.
+            // The energy that was left out follows from the other numbers.
             let whole = set.head().scalar_flux.map(f64::from);
             let rest: [f64; 3] = std::array::from_fn(|c| whole[c] - held.lights[c] - held.ambient[c]);
             if rest.iter().any(|v| v.abs() > 1e-3 * whole[0]) {
