@@ -4,24 +4,27 @@
 //! of the next one. Driver timestamps are used while they advance with the arrivals on CLOCK_MONOTONIC; timestamps of another clock,
 //! constant timestamps and timestamps that jump are replaced by the arrival time.
 
-/// Largest shift of the grid from one frame to the next, as a part of the period. It lets the grid follow a camera clock that differs from
-/// CLOCK_MONOTONIC: with a smaller value a slow camera counts as late, with a larger one a single late frame shifts the grid.
+/// Largest shift of the grid from one frame to the next, in frame periods. The shift lets the grid follow a camera clock that differs from
+/// CLOCK_MONOTONIC: with a smaller limit, a slow camera counts as late, with a larger one, a single late frame shifts the grid.
 const DRIFT: f64 = 0.02;
 
-/// Largest age of a timestamp on arrival, in periods: exposure, transfer and a full queue.
+/// Largest age of a driver's timestamp when the frame arrives, in frame periods: exposure, transfer and a full
+/// queue.
 const OLDEST: f64 = 8.0;
 
-/// Number of frames after which the least age is computed from newer frames alone, so that a jump of the timestamps has no lasting effect.
+/// Number of frames after which the least age of a timestamp is computed from newer frames alone, so that a jump of the timestamps has no
+/// lasting effect.
 const WINDOW: u32 = 16;
 
-/// Weight of the newest interval in the measured period: an average over about 16 frames.
+/// Weight of the newest frame interval in the measured frame period: an average over about 16 frames.
 const SMOOTHING: f64 = 1.0 / 16.0;
 
 /// Model of a camera's frame arrivals.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Arrivals {
     period_ns: f64,
-    /// Least time from a frame's timestamp to its arrival, over the present window of frames and the window before.
+    /// Least time from a frame's timestamp to its arrival, nanoseconds, over the present window of frames and the
+    /// window before.
     age_ns: u64,
     window_age_ns: u64,
     window: u32,
@@ -29,15 +32,16 @@ pub(super) struct Arrivals {
     stamped_ns: u64,
     /// Time of the newest frame on CLOCK_MONOTONIC.
     time_ns: u64,
-    /// Sequence number of the newest frame, and its arrival time.
+    /// Sequence number of the newest frame, and its arrival time in nanoseconds of CLOCK_MONOTONIC.
     newest: Option<u32>,
     arrived_ns: u64,
-    /// Time at which the newest frame was due.
+    /// Time at which the newest frame was due, nanoseconds of CLOCK_MONOTONIC.
     due_ns: f64,
 }
 
 impl Arrivals {
-    /// Creates the model before the first frame; `period_s` is the frame interval that the driver reports.
+    /// Creates the model before the first frame; `period_s` is the frame interval that the driver reports,
+    /// seconds.
     pub fn new(period_s: f64, now_ns: u64) -> Self {
         Self {
             period_ns: period_s * 1e9,
@@ -52,7 +56,8 @@ impl Arrivals {
         }
     }
 
-    /// Stores frame `sequence`, fetched at `now_ns`, with the driver's timestamp; returns true if the timestamp is used.
+    /// Stores the arrival of frame `sequence`, fetched at `now_ns`, with the driver's timestamp `stamped_ns`; returns
+    /// true if the timestamp is used.
     pub fn note(&mut self, sequence: u32, stamped_ns: u64, now_ns: u64) -> bool {
         let good = self.is_good(stamped_ns, now_ns);
         self.stamped_ns = stamped_ns;
@@ -70,7 +75,7 @@ impl Arrivals {
         };
         let measured = arrived_ns.saturating_sub(self.arrived_ns) as f64 / steps;
         if measured > 0.5 * self.period_ns && measured < 2.0 * self.period_ns {
-            // One late frame hardly changes the period; a lasting change is followed.
+            // A single late frame hardly changes the measured period; a lasting change is followed.
             let most = self.period_ns / 8.0;
             self.period_ns += SMOOTHING * (measured - self.period_ns).clamp(-most, most);
         }
@@ -81,13 +86,15 @@ impl Arrivals {
         self.arrived_ns = arrived_ns;
     }
 
-    /// Returns whether a timestamp can be of CLOCK_MONOTONIC: it advances, is not in the future, and is no older than a full queue.
+    /// Returns whether a timestamp can be of CLOCK_MONOTONIC: later than the timestamp before, not in the future, and no older than
+    /// a full queue allows.
     fn is_good(&self, stamped_ns: u64, now_ns: u64) -> bool {
         let age = now_ns.saturating_sub(stamped_ns) as f64;
         stamped_ns > self.stamped_ns && stamped_ns <= now_ns && age <= OLDEST * self.period_ns
     }
 
-    /// Returns the arrival time of a frame that may have waited in the queue: its timestamp plus the least recent age.
+    /// Returns the arrival time of a frame that may have waited in the driver's queue: its timestamp plus the least
+    /// recent age of a timestamp.
     fn arrival(&mut self, stamped_ns: u64, now_ns: u64) -> u64 {
         let age = now_ns.saturating_sub(stamped_ns);
         self.window += 1;
@@ -104,12 +111,12 @@ impl Arrivals {
         self.time_ns
     }
 
-    /// Returns the arrival time of the newest frame.
+    /// Returns the arrival time of the newest frame, nanoseconds of CLOCK_MONOTONIC.
     pub fn arrived_ns(&self) -> u64 {
         self.arrived_ns
     }
 
-    /// Returns the number of periods that have passed since the newest frame was due.
+    /// Returns the number of frame periods from the time at which the newest frame was due to `now_ns`.
     pub fn lateness(&self, now_ns: u64) -> f64 {
         (now_ns as f64 - self.due_ns).max(0.0) / self.period_ns
     }
@@ -155,8 +162,8 @@ mod tests {
         assert!(a.lateness(435 * MS) > 0.7, "{}", a.lateness(435 * MS));
     }
 
-    /// The timestamps are of the wall clock, constant, at half speed, or jump by seconds: each frame's time is within one queue length of the
-    /// present.
+    /// The driver's timestamps are of the wall clock, constant, at half speed, or jump by seconds: the time of each frame is within one queue
+    /// length of the present.
     #[test]
     fn timestamps_of_another_clock_are_replaced_by_arrivals() {
         let stamps: [fn(u64) -> u64; 5] = [

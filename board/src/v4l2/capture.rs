@@ -18,16 +18,17 @@ use rustix::io::Errno;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Longest time, and longest number of frame periods, without a frame; the camera has failed when both have passed, as in libcamera.
+/// Longest time, and longest number of frame periods, without a frame: the camera has failed when both have passed, as in libcamera.
 pub(super) const SILENCE: (Duration, f64) = (Duration::from_secs(1), 5.0);
 
-/// Control delay that is assumed when it is neither known nor measurable: that of most sensors.
+/// Control delay, frames after the next one, that is assumed when the delay is neither known nor measurable:
+/// that of most sensors.
 const USUAL_DELAY: u32 = 2;
 
 /// Number of successive refused exposure writes after which the camera is opened again.
 const MOST_REFUSED: u32 = 30;
 
-/// Latest time for a control write, as a part of the period after the newest frame was due: the next frame may begin before a later write acts.
+/// Latest time for a control write, in frame periods after the newest frame was due: the next frame may begin before a later write acts.
 pub(super) const IN_TIME: f64 = 0.6;
 
 /// A streaming camera. It stops the stream and closes all nodes on drop.
@@ -43,9 +44,10 @@ pub struct Camera {
     pub(super) counters: Counters,
     pub(super) numbers: Numbers,
     pub(super) last: Option<u32>,
-    /// Number of successive failures to fetch a frame.
+    /// Number of successive failures to fetch a frame from the driver.
     pub(super) unfetched: u32,
-    /// First frame after which the next exposure may be written, if the first frame of an exposure is uncertain.
+    /// First frame after which the next exposure may be written; set while the first frame of an exposure is
+    /// uncertain.
     held_until: Option<u32>,
     /// Number of successive frames whose sequence numbers do not rise.
     pub(super) repeats: u32,
@@ -55,10 +57,11 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// Opens the camera, negotiates its format and exposures, starts the stream and measures the control delay.
+    /// Opens the camera of `options`, negotiates its format and exposures, starts the stream and measures the
+    /// control delay.
     ///
     /// # Errors
-    /// [`CameraError`]; all nodes are closed again.
+    /// [`CameraError`] of the step that failed; all nodes are closed again.
     pub fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<Self, CameraError> {
         let setup = setup::open(kernel, options)?;
         let usual = if setup.picture.is_raw() { Response::Linear } else { Response::Srgb };
@@ -98,13 +101,14 @@ impl Camera {
         &self.path
     }
 
-    /// Returns the layout of the frames.
+    /// Returns the layout of the camera's frames.
     #[must_use]
     pub fn picture(&self) -> &Picture {
         &self.setup.picture
     }
 
-    /// Returns the granted exposures, ascending; with a stand-in control, in the requested order.
+    /// Returns the exposure settings of the burst that the camera accepted, ascending; with a stand-in control,
+    /// in the requested order.
     #[must_use]
     pub fn settings(&self) -> &[ExposureSetting] {
         &self.setup.settings
@@ -127,17 +131,19 @@ impl Camera {
         (0..self.setup.settings.len()).filter(deviates).collect()
     }
 
-    /// Times that the exposure control takes at the camera's frame rate; `None` if the exposures cannot be set.
+    /// Returns the exposure times that the exposure control accepts at the camera's frame rate; `None` if the
+    /// exposures cannot be set.
     #[must_use]
     pub fn range(&self) -> Option<TimeRange> {
         self.setup.range.filter(|_| self.setup.knob.is_some())
     }
 
-    /// Replaces the exposures by `wished_s`, seconds, or the nearest ones, while the camera streams. Frames have no known exposure until the
-    /// first of the new exposures acts. Returns false if the camera takes none of them; nothing changes then.
+    /// Replaces the exposures of the burst by the control's nearest values to `wished_s`, seconds, while the camera streams. Frames have no
+    /// known exposure until the first of the new exposures acts. If the camera accepts none of the new exposures, false is returned and the
+    /// present ones stay.
     ///
     /// # Errors
-    /// [`CameraError`]: the camera must then be closed and opened again.
+    /// [`CameraError`] of a request that failed: the camera must then be closed and opened again.
     pub fn set_exposures(&mut self, kernel: &mut dyn Kernel, wished_s: &[f64]) -> Result<bool, CameraError> {
         let settings = setup::renegotiate(&mut self.setup, wished_s);
         if settings.is_empty() {
@@ -157,7 +163,7 @@ impl Camera {
         self.verifier.as_ref().map_or(0, |v| v.measured().changes())
     }
 
-    /// Returns the relative code of black, for sensors in the table; otherwise 0.
+    /// Returns the relative code of black, 0 to 1, for sensors in the table; otherwise 0.
     #[must_use]
     pub fn black(&self) -> f64 {
         self.setup.black
@@ -169,7 +175,7 @@ impl Camera {
         self.setup.view
     }
 
-    /// Returns the requested properties, each with the requested and the granted value.
+    /// Returns the requested properties of the camera, each with the requested and the granted value.
     #[must_use]
     pub fn agreed(&self) -> &[Agreed] {
         &self.setup.agreed
@@ -182,7 +188,7 @@ impl Camera {
         self.sure.then(|| self.schedule.delay())
     }
 
-    /// Returns the interval between frames.
+    /// Returns the interval between two frames.
     #[must_use]
     pub fn period(&self) -> Duration {
         Duration::from_secs_f64(self.setup.period_s)
@@ -194,11 +200,11 @@ impl Camera {
         self.counters
     }
 
-    /// Waits at most `timeout` for the next complete frame, writes the exposure that is due and copies the frame; returns false if no frame
-    /// came.
+    /// Waits at most `timeout` for the next complete frame, copies it to `frame` and writes the exposure that is due; returns false if no
+    /// complete frame came.
     ///
     /// # Errors
-    /// [`CameraError`]: the camera must then be closed and opened again.
+    /// [`CameraError`] of a request that failed: the camera must then be closed and opened again.
     pub fn next(
         &mut self,
         kernel: &mut dyn Kernel,
@@ -227,7 +233,7 @@ impl Camera {
         Ok(good)
     }
 
-    /// Copies or decodes a complete frame into `bytes` and samples its brightness into `codes`.
+    /// Copies or decodes a complete frame into `bytes` and stores samples of its brightness in `codes`.
     pub(super) fn read(&mut self, filled: &Filled, bytes: &mut Vec<u8>) -> bool {
         if !filled.good {
             return false;
@@ -248,7 +254,8 @@ impl Camera {
         self.setup.knob.as_ref().is_some_and(|k| k.unit != ControlUnit::StandIn)
     }
 
-    /// Limits the burst to the middle exposure, since the control does not set exposures in the documented way.
+    /// Limits the burst to its middle exposure, because the exposure control does not act in the documented
+    /// way, as `got` describes.
     pub(super) fn keep_one(&mut self, kernel: &mut dyn Kernel, got: &str) -> Result<(), CameraError> {
         let asked = "longer exposures for larger values".into();
         self.setup.agreed.push(Agreed { what: "exposure control", asked, got: got.into() });
@@ -282,7 +289,7 @@ impl Camera {
         }
     }
 
-    /// Writes the exposure that is due after frame `sequence`, unless newer frames are already queued or the time limit has passed.
+    /// Writes the exposure that is due after frame `sequence`, unless newer frames are already queued or [`IN_TIME`] has passed.
     fn write_due(&mut self, kernel: &mut dyn Kernel, sequence: u32) -> Result<(), CameraError> {
         if self.setup.knob.is_none() || self.setup.settings.len() < 2 {
             return Ok(());
@@ -298,7 +305,7 @@ impl Camera {
         self.write(kernel, sequence, self.schedule.due(sequence))
     }
 
-    /// Returns the number of periods that have passed since the newest frame was due.
+    /// Returns the number of frame periods that have passed since the newest frame was due.
     pub(super) fn lateness(&self, kernel: &dyn Kernel) -> f64 {
         self.arrivals.lateness(kernel.now_ns())
     }
@@ -318,13 +325,14 @@ impl Camera {
         self.refused = 0;
         let late = self.lateness(kernel);
         let doubt = if late <= IN_TIME { 0 } else { late.ceil().min(f64::from(MAX_DELAY)) as u32 };
-        // An exposure whose first frame is uncertain is kept for one further frame, which certainly has it.
+        // An exposure whose first frame is uncertain is kept for one further frame, whose exposure is certain.
         self.held_until = (doubt > 0).then(|| sequence.wrapping_add(1 + doubt));
         self.schedule.wrote(sequence, slot, doubt);
         Ok(())
     }
 
-    /// Counts a write that the driver refused: each one loses a frame, and [`MOST_REFUSED`] successive ones are an error.
+    /// Counts a write of the exposure control that the driver refused: each one costs a frame, and [`MOST_REFUSED`]
+    /// successive ones are an error.
     fn refuse(&mut self, errno: Errno, sequence: u32) -> Result<(), CameraError> {
         self.refused += 1;
         self.counters.failed_writes += 1;
@@ -332,7 +340,7 @@ impl Camera {
             return Err(CameraError::Gone(self.path.clone()));
         }
         if errno == Errno::ACCESS {
-            // An automatic mode has taken control of the exposure again.
+            // The driver may refuse a write because an automatic mode controls the exposure again.
             setup::restore(&mut self.setup);
         }
         if self.refused > MOST_REFUSED {
@@ -344,7 +352,8 @@ impl Camera {
     }
 }
 
-/// The comparison of frames, for a camera of several exposures whose control sets a time.
+/// Returns the comparison of brightness ratios for a camera of several exposures whose control sets a time;
+/// `None` for other cameras.
 fn verifier(setup: &Setup, curve: CodeCurve) -> Option<Verifier> {
     let is_timed = setup.knob.as_ref().is_some_and(|k| k.unit != ControlUnit::StandIn);
     let seconds: Vec<f64> = setup.settings.iter().map(|s| s.seconds).collect();

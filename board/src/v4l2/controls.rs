@@ -6,20 +6,20 @@ use rustix::io::Errno;
 /// Largest number of controls that are read from a driver; vivid has about a hundred.
 const MAX_CONTROLS: usize = 1024;
 
-/// Description of a control from the driver.
+/// Description of a control, as the driver returns it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Info {
     /// Number of the control.
     pub id: u32,
     /// `V4L2_CTRL_TYPE_...`, including types that have no constant here.
     pub kind: u32,
-    /// Name of the control; it differs between kernels.
+    /// Name of the control, which may differ between kernels.
     pub name: String,
     /// Least value of the control.
     pub minimum: i64,
     /// Largest value of the control.
     pub maximum: i64,
-    /// Step between two values, at least 1.
+    /// Step between two values of the control, at least 1.
     pub step: i64,
     /// Value of the control at power-on.
     pub default: i64,
@@ -79,7 +79,7 @@ pub fn all(node: &mut dyn Node) -> Vec<Info> {
     let mut last = 0;
     while found.len() < MAX_CONTROLS {
         let mut d = abi::ControlDescription { id: last | abi::NEXT_CONTROL, ..Default::default() };
-        // A driver whose control numbers do not increase would cause an endless loop.
+        // Driver control numbers that do not increase would otherwise cause an endless loop.
         if persist(|| node.call(Call::QueryControl(&mut d))).is_err() || d.id <= last {
             break;
         }
@@ -91,7 +91,8 @@ pub fn all(node: &mut dyn Node) -> Vec<Info> {
     found
 }
 
-/// Returns whether a menu has item `index`; the indices of a menu need not be contiguous.
+/// Returns whether menu control `id` has an item with the number `index`; the numbers of a menu's items need
+/// not be contiguous.
 pub fn has_item(node: &mut dyn Node, id: u32, index: i64) -> bool {
     let Ok(index) = u32::try_from(index) else { return false };
     let mut item = abi::MenuItem { id, index, ..Default::default() };
@@ -101,7 +102,7 @@ pub fn has_item(node: &mut dyn Node, id: u32, index: i64) -> bool {
 /// Reads the value of a control.
 ///
 /// # Errors
-/// The error of the kernel.
+/// The error of the kernel's request.
 pub fn value(node: &mut dyn Node, info: &Info) -> Result<i64, Errno> {
     let mut control = abi::Control { id: info.id, ..Default::default() };
     persist(|| node.call(Call::GetControl(&mut control)))?;
@@ -118,7 +119,7 @@ pub fn value(node: &mut dyn Node, info: &Info) -> Result<i64, Errno> {
 /// Sets the value of a control.
 ///
 /// # Errors
-/// The error of the kernel; EACCES while an automatic mode holds the control.
+/// The error of the kernel's request; EACCES while an automatic mode holds the control.
 pub fn set(node: &mut dyn Node, info: &Info, value: i64) -> Result<(), Errno> {
     let bytes = value.to_ne_bytes();
     let word = |at: usize| u32::from_ne_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
@@ -132,7 +133,7 @@ pub fn set(node: &mut dyn Node, info: &Info, value: i64) -> Result<(), Errno> {
     persist(|| node.call(Call::SetControl(&mut control)))
 }
 
-/// Sets control `id`, if the node has it, and returns the value that is read back.
+/// Sets control `id`, if the node has it, to `wanted` and returns the value that is read back.
 pub fn settle(node: &mut dyn Node, id: u32, wanted: i64) -> Option<i64> {
     let info = find(node, id).filter(Info::is_settable)?;
     let _ = set(node, &info, info.nearest(wanted));

@@ -4,34 +4,34 @@ use super::capture::{Camera, IN_TIME, SILENCE};
 use super::schedule::MAX_DELAY;
 use super::{CameraError, Kernel, luma};
 
-/// Least difference of the mean relative code between two exposures at which the delay can be measured: ten times the noise of a webcam's
-/// mean.
+/// Least difference between the mean relative codes (0 to 1) of two exposures at which the control delay can be measured: ten times the
+/// noise of a webcam's mean.
 const LEAST_STEP: f32 = 0.02;
 
-/// Largest number of steps, and the number of them that must show the same delay. A step during which a frame was lost or late is repeated:
-/// a board that is busy during its start has many such trials.
+/// Largest number of steps of the exposure in a measurement, largest number of further steps during which a frame was lost or late (a board
+/// that is busy during its start has many), and number of steps that must show the same delay.
 const TRIALS: u32 = 12;
 const SPOILT: u32 = 48;
 const AGREEING: u32 = 3;
 
-/// Range of mean relative codes in which every change of the exposure changes the mean.
+/// Range of the mean relative code of a frame in which every change of the exposure changes the mean.
 const LIT: std::ops::Range<f32> = 0.05..0.8;
 
-/// Largest number of successive broken frames.
+/// Largest number of successive broken frames during a measurement.
 const MOST_BROKEN: u32 = 100;
 
 /// The result of one step of the exposure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
-    /// The brightness changed this number of frames after the next frame.
+    /// The brightness changed in the frame that is this number of frames after the next one.
     After(u32),
-    /// The brightness did not change in time.
+    /// The brightness did not change within the longest delay.
     Nothing,
     /// A frame was lost or late during the step.
     Spoilt,
 }
 
-/// The mean brightness of a frame.
+/// The mean relative code of a frame.
 struct FrameBrightness {
     /// Sequence number of the frame.
     sequence: u32,
@@ -80,7 +80,8 @@ impl Camera {
         Ok(())
     }
 
-    /// Writes an exposure, waits for more frames than any delay, and returns the mean brightness after them.
+    /// Writes exposure `slot`, waits for more frames than the longest delay, and returns the mean brightness of
+    /// the frame after them.
     fn settled(&mut self, kernel: &mut dyn Kernel, slot: usize) -> Result<f32, CameraError> {
         let mut level = self.level(kernel)?;
         self.write(kernel, level.sequence, slot)?;
@@ -90,7 +91,7 @@ impl Camera {
         Ok(level.brightness)
     }
 
-    /// Writes an exposure and counts frames until their brightness satisfies `reached`.
+    /// Writes an exposure and counts the frames until the brightness of one satisfies `reached`.
     fn trial(
         &mut self,
         kernel: &mut dyn Kernel,
@@ -118,7 +119,7 @@ impl Camera {
         Ok(found)
     }
 
-    /// Waits for a complete frame and measures its brightness.
+    /// Waits for a complete frame and returns its mean brightness.
     fn level(&mut self, kernel: &mut dyn Kernel) -> Result<FrameBrightness, CameraError> {
         let mut bytes = Vec::new();
         for _ in 0..MOST_BROKEN {

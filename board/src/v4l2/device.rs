@@ -11,7 +11,8 @@ use serde::Serialize;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
-/// Largest number of entries of each list that are read from a driver.
+/// Largest number of entries that are read of each list of a driver: pixel formats, frame sizes of a format,
+/// frame rates of a size.
 const MAX_FORMATS: u32 = 64;
 const MAX_SIZES: u32 = 64;
 const MAX_RATES: u32 = 64;
@@ -23,7 +24,7 @@ pub struct Description {
     pub path: PathBuf,
     /// Name that the driver reports.
     pub name: String,
-    /// Bus address of the device.
+    /// Bus address of the camera.
     pub bus: String,
     /// Name of the camera's driver.
     pub driver: String,
@@ -46,17 +47,17 @@ pub struct Description {
 /// A mode of a sensor.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ModeInfo {
-    /// Width of the mode's pictures, pixels.
+    /// Width of the pictures of the mode, pixels.
     pub width: u32,
-    /// Height of the mode's pictures, pixels.
+    /// Height of the pictures of the mode, pixels.
     pub height: u32,
     /// Part of the sensor that the mode covers; null if neither the driver nor the table of sensors has it.
     pub view: Option<View>,
-    /// Share of the sensor's area that the mode covers, 0 to 1.
+    /// Fraction of the sensor's area that the mode covers, 0 to 1.
     pub share: Option<f64>,
 }
 
-/// A pixel format.
+/// A pixel format that a camera offers, with its frame sizes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FormatInfo {
     /// FourCC of the format.
@@ -69,29 +70,29 @@ pub struct FormatInfo {
     pub sizes: Vec<SizeInfo>,
 }
 
-/// A frame size of a pixel format.
+/// A frame size of a pixel format, with its frame rates.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SizeInfo {
     /// Width of the frame, pixels.
     pub width: u32,
     /// Height of the frame, pixels.
     pub height: u32,
-    /// Frame rates at this size, Hz.
+    /// Frame rates that the camera offers at this size, Hz.
     pub rates: Vec<f64>,
 }
 
 impl SizeInfo {
-    /// Returns the size of the frame.
+    /// Returns width and height of the frame.
     #[must_use]
     pub const fn size(&self) -> Size {
         Size::new(self.width, self.height)
     }
 }
 
-/// Lists all cameras. Nodes that cannot be opened are left out; if none can be opened, the first error is returned.
+/// Lists all cameras. Nodes that cannot be opened are left out.
 ///
 /// # Errors
-/// [`CameraError`] if there are nodes and none can be opened.
+/// [`CameraError`] of the first node, if there are nodes and none can be opened.
 pub fn list(kernel: &mut dyn Kernel) -> Result<Vec<Description>, CameraError> {
     let (mut found, mut refused, mut opened) = (Vec::new(), None, false);
     let sensors = media::all(kernel);
@@ -184,7 +185,8 @@ impl Description {
     }
 }
 
-/// Returns the sizes of a sensor's preferred media bus code, each with the part of the sensor that it covers.
+/// Returns the frame sizes of the sensor's preferred media bus code, each with the part of the sensor that it
+/// covers.
 fn modes(sensor: &mut dyn Node, known: Option<&Sensor>) -> Vec<ModeInfo> {
     let codes = bus::offered(sensor, 0);
     let Some(code) = bus::ranked(&codes).first().copied() else { return Vec::new() };
@@ -201,7 +203,7 @@ fn modes(sensor: &mut dyn Node, known: Option<&Sensor>) -> Vec<ModeInfo> {
     let mut present = abi::PadFormat::default();
     let is_told = persist(|| sensor.call(Call::GetPadFormat(&mut present))).is_ok();
     let mut described = |size: Size| {
-        // The driver reports the rectangle of the present mode only.
+        // The driver reports the covered rectangle of the present mode only.
         let is_present = is_told && Size::new(present.width, present.height) == size;
         let view = if is_present {
             view::present(sensor, known, size)
@@ -254,7 +256,7 @@ pub(super) fn find_sensor(
     Ok(if found.len() == 1 { found.pop() } else { None })
 }
 
-/// Returns all pixel formats of a node; with a non-zero media bus code `code`, those of that code.
+/// Returns all pixel formats of a node; with a non-zero media bus code `code`, only the formats for that code.
 pub(super) fn formats(node: &mut dyn Node, code: u32) -> Vec<FormatInfo> {
     let mut found = Vec::new();
     for index in 0..MAX_FORMATS {
@@ -271,7 +273,8 @@ pub(super) fn formats(node: &mut dyn Node, code: u32) -> Vec<FormatInfo> {
     found
 }
 
-/// Sizes that are tried within a range of sizes, in addition to its ends.
+/// Frame sizes that are listed for a driver that reports a range of sizes, in addition to the ends of the
+/// range.
 const USUAL: [Size; 4] =
     [Size::new(320, 240), Size::new(640, 480), Size::new(1280, 720), Size::new(1920, 1080)];
 
@@ -318,7 +321,7 @@ fn rates(node: &mut dyn Node, fourcc: u32, width: u32, height: u32) -> Vec<f64> 
     found
 }
 
-/// Returns the size whose number of pixels is nearest to that of the size `wished`.
+/// Returns the frame size of `format` whose number of pixels is nearest to that of `wished`.
 #[must_use]
 pub fn nearest_size(format: &FormatInfo, wished: Size) -> Option<Size> {
     let off = |size: &Size| (size.area().abs_diff(wished.area()), size.width.abs_diff(wished.width));

@@ -7,41 +7,42 @@ use super::Size;
 use super::controls::{self, Info};
 use super::{Node, abi};
 
-/// A requested exposure and the granted value of the control.
+/// A requested exposure time and the value of the control that sets it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExposureSetting {
-    /// Value of the exposure control.
+    /// Value of the exposure control for this exposure.
     pub value: i64,
     /// Requested exposure time, seconds.
     pub asked_s: f64,
-    /// Exposure time of the value, seconds.
+    /// Exposure time that the control's value sets, seconds.
     pub seconds: f64,
 }
 
 impl ExposureSetting {
-    /// Returns the setting of a camera whose exposure cannot be set: the frame interval.
+    /// Returns the setting of a camera whose exposure cannot be set: exposure for the whole frame interval of
+    /// `period_s` seconds.
     pub(super) const fn whole(period_s: f64) -> Self {
         Self { value: 0, asked_s: period_s, seconds: period_s }
     }
 }
 
-/// The control that sets the exposure.
+/// The control that sets the exposure of a camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Knob {
-    /// Description of the control.
+    /// Description of the exposure control.
     pub info: Info,
-    /// Unit of the control's values.
+    /// Unit of the exposure control's values.
     pub unit: ControlUnit,
 }
 
 /// Unit of the values of the exposure control.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ControlUnit {
-    /// Units of 100 us.
+    /// Units of 100 us, as in USB cameras (UVC).
     Uvc,
-    /// Lines of a sensor; the field is the time of a line in seconds.
+    /// Lines of a sensor; the field is the readout time of a line in seconds.
     Lines(f64),
-    /// No time: another control replaces the exposure on a test bench.
+    /// No time: on a test bench, the values are those of another control, which replaces the exposure.
     StandIn,
 }
 
@@ -64,7 +65,7 @@ impl Knob {
 }
 
 impl ControlUnit {
-    /// Returns the time of one unit, seconds.
+    /// Returns the time of one unit of the control's values, seconds; `None` if the values are no times.
     pub(super) const fn second(self) -> Option<f64> {
         match self {
             Self::Uvc => Some(1e-4),
@@ -74,7 +75,7 @@ impl ControlUnit {
     }
 }
 
-/// Returns the time of a line, seconds, from the pixel rate and the length of the line.
+/// Returns the readout time of a line of the sensor, seconds, from the pixel rate and the length of the line.
 fn line_s(node: &mut dyn Node, width: u32) -> Option<f64> {
     let rate = controls::find(node, abi::PIXEL_RATE).and_then(|i| controls::value(node, &i).ok())?;
     let blank = controls::find(node, abi::HBLANK).and_then(|i| controls::value(node, &i).ok())?;
@@ -85,28 +86,28 @@ fn line_s(node: &mut dyn Node, width: u32) -> Option<f64> {
 /// Black level of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BlackLevel {
-    /// Code of a sample without light.
+    /// Code of a sample of the sensor without light.
     pub code: u32,
-    /// Number of bits of the code.
+    /// Number of bits of `code`.
     pub bits: u32,
 }
 
 impl BlackLevel {
-    /// Returns the black level as a part of the largest code.
+    /// Returns the black level as a fraction of the largest code, 0 to 1.
     #[must_use]
     pub fn share(self) -> f64 {
         f64::from(self.code) / f64::from((1u32 << self.bits) - 1)
     }
 }
 
-/// Properties of a sensor model, found by its name.
+/// Properties of a sensor model, which is found by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sensor {
-    /// Prefix of the sub-device's name.
+    /// Prefix of the name of the sensor's sub-device.
     pub name: &'static str,
     /// Number of lines of a frame that cannot be exposed.
     pub reserve_lines: i64,
-    /// Control delay of the exposure, frames after the next one.
+    /// Control delay of the sensor's exposure, frames after the next one.
     pub delay: u32,
     /// Black level of the sensor.
     pub black: BlackLevel,
@@ -118,7 +119,7 @@ const fn black(code: u32, bits: u32) -> BlackLevel {
     BlackLevel { code, bits }
 }
 
-/// Values from libcamera's sensor helpers and tuning files.
+/// The table of sensor models, with values from libcamera's sensor helpers and tuning files.
 const SENSORS: [Sensor; 8] = [
     Sensor {
         name: "imx219",
@@ -178,10 +179,11 @@ const SENSORS: [Sensor; 8] = [
     },
 ];
 
-/// Reserved lines of a sensor that is not in the table: more than any sensor of the table needs.
+/// Number of lines of a frame that cannot be exposed, for a sensor that is not in the table: more than any
+/// sensor of the table needs.
 const RESERVE_LINES: i64 = 64;
 
-/// Finds the sensor model whose prefix the sub-device's `name` has.
+/// Returns the sensor model of which `name`, the name of a sub-device, has the prefix.
 #[must_use]
 pub fn sensor(name: &str) -> Option<&'static Sensor> {
     SENSORS.iter().find(|s| name.starts_with(s.name))
@@ -211,11 +213,11 @@ const AUTOMATICS: [u32; 11] = [
 /// A control that keeps one value while the camera streams.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Held {
-    /// Description of the control.
+    /// Description of the held control.
     pub info: Info,
-    /// Value that was written.
+    /// Value that was written to the held control.
     pub wanted: i64,
-    /// Value that was read back after the write.
+    /// Value that was read back after the write; `None` if the control cannot be read.
     pub found: Option<i64>,
 }
 
@@ -229,7 +231,7 @@ impl Held {
         Some(Self { info, wanted, found })
     }
 
-    /// Returns whether the value that was read back is the one that was set.
+    /// Returns whether the value that was read back is the one that was written.
     #[must_use]
     pub fn holds(&self) -> bool {
         self.found == Some(self.wanted)
@@ -239,30 +241,31 @@ impl Held {
 /// The result of switching a camera to manual exposure.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Manual {
-    /// Whether the exposure can be set.
+    /// Whether the exposure of the camera can be set.
     pub settable: bool,
-    /// Controls that were set.
+    /// Controls of automatic processing that were set.
     pub held: Vec<Held>,
 }
 
-/// Switches the automatic processing of a node off.
+/// Switches the automatic processing of a node off and its exposure to manual.
 pub fn go_manual(node: &mut dyn Node) -> Manual {
     let mut held: Vec<Held> = AUTOMATICS.into_iter().filter_map(|id| Held::set(node, id, 0)).collect();
     if controls::find(node, abi::EXPOSURE_AUTO).is_none() {
         return Manual { settable: true, held };
     }
-    // Most cameras have only some of the modes; some drivers list no modes.
+    // Most cameras have only some of the manual modes; some drivers list no modes.
     let modes = abi::MANUAL_MODES.into_iter().filter(|m| controls::has_item(node, abi::EXPOSURE_AUTO, *m));
     let modes: Vec<i64> = modes.collect();
     let modes = if modes.is_empty() { abi::MANUAL_MODES.into() } else { modes };
     let mode = modes.into_iter().find_map(|m| Held::set(node, abi::EXPOSURE_AUTO, m).filter(Held::holds));
     let settable = mode.is_some();
-    // The mode is first in the list, since it unlocks the other controls.
+    // The exposure mode is first in the list, since it unlocks the other controls.
     held.splice(0..0, mode);
     Manual { settable, held }
 }
 
-/// Lengthens a sensor's frame for an exposure of `longest_s` and a frame interval of `period_s`, and returns the frame interval in seconds.
+/// Lengthens a sensor's frame for an exposure of `longest_s` seconds and a frame interval of `period_s` seconds, and returns the frame
+/// interval in seconds.
 ///
 /// VBLANK is set alone and before the exposure, since the range of the exposure depends on it.
 pub fn stretch_frame(

@@ -50,7 +50,7 @@ impl Camera {
         Ok(Some(Filled { buffer, good }))
     }
 
-    /// Drops a frame with a repeated sequence number, which busy drivers deliver occasionally: its exposure is unknown.
+    /// Drops a frame whose sequence number is repeated, as busy drivers deliver occasionally: its exposure is unknown.
     fn repeat(&mut self, sequence: u32) -> Result<bool, CameraError> {
         self.repeats += 1;
         if self.repeats <= MOST_REPEATS {
@@ -61,7 +61,7 @@ impl Camera {
         Err(CameraError::Unfit { path: self.path.clone(), found, expected: "rising numbers".into() })
     }
 
-    /// Numbers a frame and stores its arrival time; returns false if the driver repeats a number.
+    /// Assigns a number to a frame and stores its arrival time; returns false if the driver repeats a number.
     fn count(&mut self, kernel: &dyn Kernel, buffer: &mut abi::Buffer) -> Result<bool, CameraError> {
         let (stamped_ns, now_ns) = (stamped_ns(buffer), kernel.now_ns());
         let times = FrameTimes { stamped_ns, now_ns, period_s: self.setup.period_s };
@@ -78,7 +78,7 @@ impl Camera {
         Ok(true)
     }
 
-    /// Returns an error if no frame came for [`SILENCE`].
+    /// Returns an error if no frame has come for longer than [`SILENCE`].
     fn silence(&self, kernel: &dyn Kernel) -> Result<(), CameraError> {
         let silent_ns = kernel.now_ns().saturating_sub(self.arrivals.arrived_ns());
         let allowed = SILENCE.0.max(Duration::from_secs_f64(SILENCE.1 * self.setup.period_s));

@@ -43,7 +43,7 @@ fn a_failed_write_loses_a_frame_and_the_camera_stays_open() {
     );
 }
 
-/// The requests are 0.9, 5.5 and 33.3 ms; the camera has 1.0, 3.9, 7.8 and 31.2 ms.
+/// The test requests exposures of 0.9, 5.5 and 33.3 ms; near these, the camera has 1.0, 3.9, 7.8 and 31.2 ms.
 #[test]
 fn a_camera_with_a_list_of_exposures_is_set_to_the_nearest() {
     let script = Script { accepts: Some(COARSE.into()), range: (5, 20000), ..Script::default() };
@@ -52,7 +52,8 @@ fn a_camera_with_a_list_of_exposures_is_set_to_the_nearest() {
     assert_eq!(values.len(), 3, "three exposures, not {values:?}");
 }
 
-/// The control reads back the written value, but the sensor uses another one: its frames must not count as verified.
+/// The control reads back the written value, but the sensor uses another one: frames of such a camera must not count
+/// as verified.
 #[test]
 fn exposures_that_differ_from_the_control_are_not_verified() {
     let script = Script { really: Some(COARSE.into()), range: (5, 20000), ..Script::default() };

@@ -1,11 +1,12 @@
-//! Pixel formats by FourCC, and the choice of a camera's preferred one. [`Format`] lists the formats with their packing.
+//! Pixel formats by FourCC, and the choice of the format that is preferred among those of a camera. [`Format`] lists the
+//! formats with their packing.
 
 use super::Size;
 use super::abi;
 use super::jpeg::Jpeg;
 use hemilux_core::format::{Format, Layout, LayoutError, Matrix, Yuv};
 
-/// FourCCs of JPEG formats.
+/// FourCCs of JPEG pictures.
 const COMPRESSED: [&str; 2] = ["MJPG", "JPEG"];
 
 /// FourCC of decoded JPEG pictures.
@@ -42,14 +43,15 @@ pub fn format(fourcc: u32, yuv: Yuv) -> Option<Format> {
     Format::from_fourcc(read.to_le_bytes(), yuv)
 }
 
-/// Returns the characters of `fourcc` without trailing blanks.
+/// Returns the characters of `fourcc` as a name, without trailing blanks.
 #[must_use]
 pub fn name(fourcc: u32) -> String {
     let printable = |b: u8| if b.is_ascii_graphic() || b == b' ' { char::from(b) } else { '?' };
     fourcc.to_le_bytes().map(printable).iter().collect::<String>().trim_end().into()
 }
 
-/// Returns the FourCC of a name of up to four characters.
+/// Returns the FourCC with the characters of `name`; `None` if they are not one to four printable ASCII
+/// characters.
 #[must_use]
 pub fn parse(name: &str) -> Option<u32> {
     let mut padded = [b' '; 4];
@@ -90,19 +92,19 @@ pub fn none_of(offered: &[&str]) -> Mismatch {
     Mismatch::new(found, format!("one of {}", names()))
 }
 
-/// The layout of the frames of an open camera.
+/// The layout of the frames that an open camera delivers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Picture {
-    /// FourCC of the frames; of the decoded frames if the camera sends JPEG.
+    /// FourCC of the frames; for a camera that sends JPEG, that of the decoded frames.
     pub fourcc: u32,
-    /// Size and packing of the frames; of the decoded frames if the camera sends JPEG.
+    /// Size and packing of the frames; for a camera that sends JPEG, those of the decoded frames.
     pub layout: Layout,
-    /// Size and scale of the camera's own frames if they are JPEG.
+    /// Size and scale of the camera's JPEG frames; `None` for other formats.
     pub jpeg: Option<Jpeg>,
 }
 
 impl Picture {
-    /// Returns the layout of the granted format, if it is supported.
+    /// Returns the layout of frames in the format that the driver granted.
     ///
     /// # Errors
     /// [`Mismatch`] with the format that was found and the formats that are supported.
@@ -116,7 +118,7 @@ impl Picture {
         if is_jpeg(fourcc) {
             return Self::of_jpeg(Jpeg::of(width, height));
         }
-        // Some drivers leave the stride at 0.
+        // Some drivers report a stride of 0.
         let stride = match granted.bytes_per_line as usize {
             0 => format.line_bytes(width),
             stride => stride,
@@ -161,7 +163,7 @@ impl Picture {
         self.jpeg.map_or(Size::new(self.width(), self.height()), |jpeg| Size::new(jpeg.width, jpeg.height))
     }
 
-    /// Returns the least number of bytes of a complete frame from the camera.
+    /// Returns the least number of bytes that a complete frame from the camera has.
     #[must_use]
     pub(super) const fn least_bytes(&self) -> usize {
         if self.jpeg.is_some() { 4 } else { self.layout.frame_bytes() }
@@ -191,13 +193,13 @@ impl Picture {
         self.layout.height()
     }
 
-    /// Returns whether codes are those of the sensor, proportional to the light.
+    /// Returns whether the codes of the frames are those of the sensor, proportional to the light.
     #[must_use]
     pub const fn is_raw(&self) -> bool {
         self.layout.format().pattern().is_some()
     }
 
-    /// Returns the matrix and the range of luma and chroma, for formats with chroma.
+    /// Returns the matrix and the range of luma and chroma, for frame formats with chroma.
     #[must_use]
     pub const fn yuv(&self) -> Option<Yuv> {
         match self.layout.format() {
@@ -206,7 +208,7 @@ impl Picture {
         }
     }
 
-    /// Returns the largest code of a sample.
+    /// Returns the largest code of a sample of the frames.
     #[must_use]
     pub fn max_code(&self) -> f64 {
         f64::from(self.layout.format().max_code())
@@ -216,7 +218,7 @@ impl Picture {
 /// Least number of rows and of columns of the merged image of a binned mosaic: with a lens of 180 degrees, a pixel is 0.75 degrees wide.
 const LEAST_MERGED: u32 = 240;
 
-/// Returns the layout with the largest bin that leaves [`LEAST_MERGED`] rows and columns.
+/// Returns `layout` with the largest bin that leaves [`LEAST_MERGED`] rows and columns.
 fn binned(layout: Layout) -> Layout {
     let fits = |layout: &Layout| {
         let merged = layout.merged_size();
@@ -231,7 +233,8 @@ const fn pairs_rows(format: Format) -> bool {
     format.pattern().is_some() || matches!(format, Format::Nv12(_))
 }
 
-/// Returns the driver's matrix and range of luma and chroma; values that the driver does not state follow from the colour space.
+/// Returns the matrix and the range of luma and chroma that the driver states; those that it does not state follow from the
+/// colour space.
 fn yuv(granted: &abi::PixelFormat) -> Yuv {
     let full = match granted.quantization {
         0 => granted.colorspace == abi::COLORSPACE_JPEG,
@@ -286,7 +289,8 @@ mod tests {
         assert!(yuyv(1280).is_ok_and(|p| p.yuv().is_some_and(|yuv| yuv.limited)), "limited by default");
     }
 
-    /// Strides of the kernel's documentation of the formats: rows of packed formats consist of whole groups of samples.
+    /// Strides are from the kernel's documentation of the formats: rows of packed formats consist of whole groups of
+    /// samples.
     #[test]
     fn odd_sizes_are_refused_for_formats_whose_samples_are_grouped() {
         for (name, width, height, line) in [

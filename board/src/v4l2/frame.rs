@@ -1,13 +1,13 @@
-//! Frames from drivers, their identity and their counters.
+//! Frames from drivers, with their exposures and counters.
 
 use super::abi;
 use super::schedule::Known;
 use crate::camera_status::{FrameCounts, KnownCounts};
 
-/// Counters of the frames since the camera was opened.
+/// Counters of the frames of a camera since it was opened.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
-    /// Number of complete frames.
+    /// Number of complete frames that were delivered.
     pub frames: u64,
     /// Number of frames that the sensor counted and the driver did not deliver.
     pub lost: u64,
@@ -19,11 +19,11 @@ pub struct Counters {
     pub failed_writes: u64,
     /// Number of frames whose timestamp is not of CLOCK_MONOTONIC or did not advance; their arrival time is used instead.
     pub unstamped: u64,
-    /// Number of frames by the origin of their exposure.
+    /// Number of complete frames by the origin of their exposure.
     pub known: KnownCounts,
     /// Number of frames whose brightness ratio to the frame before contradicted the predicted exposure.
     pub mismatches: u64,
-    /// Number of corrections of the control delay.
+    /// Number of corrections of the assumed control delay.
     pub resyncs: u64,
 }
 
@@ -87,15 +87,15 @@ impl Counters {
 /// Number of dropped frames, by fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Broken {
-    /// Frames with the driver's error flag.
+    /// Number of frames with the driver's error flag.
     pub flagged: u64,
-    /// Frames without a byte.
+    /// Number of frames without a byte.
     pub empty: u64,
-    /// Frames with fewer bytes than the format requires.
+    /// Number of frames with fewer bytes than the format requires.
     pub short: u64,
-    /// Frames whose sequence number does not increase.
+    /// Number of frames whose sequence number does not increase.
     pub repeated: u64,
-    /// Truncated or damaged JPEG frames.
+    /// Number of truncated or damaged JPEG frames.
     pub damaged: u64,
 }
 
@@ -119,7 +119,8 @@ impl Broken {
         }
     }
 
-    /// Counts a frame by its fault, if it has one; returns true if it has all `whole` bytes of the format.
+    /// Counts the frame of `buffer` under its fault, if it has one; returns true if it has none and all `whole`
+    /// bytes of the format.
     pub(super) const fn check(&mut self, buffer: &abi::Buffer, repeated: bool, whole: usize) -> bool {
         let count = match buffer.bytes_used as usize {
             _ if repeated => &mut self.repeated,
@@ -154,18 +155,19 @@ pub struct Taken {
     pub sequence: u32,
     /// CLOCK_MONOTONIC timestamp of the driver; the arrival time if the driver's timestamp is of another clock.
     pub timestamp_ns: u64,
-    /// Index into the camera's settings; `None` if the frame may have one of several exposures.
+    /// Index of the frame's exposure in the camera's settings; `None` if the frame may have one of several
+    /// exposures.
     pub slot: Option<usize>,
-    /// Origin of the exposure.
+    /// Origin of the frame's exposure.
     pub known: Known,
 }
 
 /// A frame in the packing of the driver.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RawFrame {
-    /// Sequence number, time and exposure.
+    /// Sequence number, time and exposure of the frame.
     pub taken: Taken,
-    /// Samples in the packing of the picture's format.
+    /// Samples of the frame in the packing of the picture's format.
     pub bytes: Vec<u8>,
 }
 
@@ -176,15 +178,15 @@ impl Default for RawFrame {
     }
 }
 
-/// A buffer that the driver has filled.
+/// A buffer that the driver has filled with a frame.
 #[derive(Debug)]
 pub(super) struct Filled {
     pub buffer: abi::Buffer,
-    /// Whether the frame is complete.
+    /// Whether the frame in the buffer is complete.
     pub good: bool,
 }
 
-/// Returns the driver's timestamp in nanoseconds.
+/// Returns the driver's timestamp of `buffer`, nanoseconds.
 pub(super) fn stamped_ns(buffer: &abi::Buffer) -> u64 {
     let [s, us] = buffer.timestamp.map(|v| u64::try_from(v).unwrap_or(0));
     s.saturating_mul(1_000_000_000).saturating_add(us.saturating_mul(1000))

@@ -1,6 +1,7 @@
 //! The Huffman tables of ITU-T T.81, annex K.3, for JPEG frames without tables, as many USB cameras send them.
 
-/// A Huffman table: class and number, the number of codes of each length from 1 to 16 bits, and the values.
+/// A Huffman table of a JPEG frame: class and number, the number of codes of each length from 1 to 16 bits, and
+/// the values.
 struct Table {
     id: u8,
     counts: [u8; 16],
@@ -50,7 +51,8 @@ pub(super) fn segment() -> Vec<u8> {
     [&[0xff, 0xc4], &length.to_be_bytes()[..], &bodies].concat()
 }
 
-/// Returns the position of the first scan in a frame without tables, where the segment must be inserted.
+/// Returns the position of the first scan in a JPEG frame without Huffman tables, where the segment must be
+/// inserted; `None` in a frame with tables.
 pub(super) fn missing_at(bytes: &[u8]) -> Option<usize> {
     let mut at = 2;
     loop {

@@ -14,7 +14,8 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 /// Number of pixels of the largest picture that is decoded at full size.
 const MOST_FULL: u64 = 640 * 480;
 
-/// Least length of a scaled picture's shorter side, pixels: with a lens of 180 degrees a pixel is 0.75 degrees wide.
+/// Least length of the shorter side of a scaled picture, pixels: with a lens of 180 degrees, a pixel is 0.75 degrees
+/// wide.
 const LEAST_SIDE: u32 = 240;
 
 /// Size of a camera's JPEG frames and the factor by which they are scaled down.
@@ -24,12 +25,12 @@ pub struct Jpeg {
     pub width: u32,
     /// Height of the camera's frame, pixels.
     pub height: u32,
-    /// Factor by which both sides are divided: 1, 2, 4 or 8.
+    /// Factor by which both sides of the frame are divided during decoding: 1, 2, 4 or 8.
     pub shrink: u32,
 }
 
 impl Jpeg {
-    /// Chooses the scale for frames of `width` x `height` pixels.
+    /// Chooses the scale of decoding for frames of `width` x `height` pixels.
     #[must_use]
     pub fn of(width: u32, height: u32) -> Self {
         let is_small = u64::from(width) * u64::from(height) <= MOST_FULL;
@@ -44,7 +45,8 @@ impl Jpeg {
         Size::new(self.width.div_ceil(self.shrink), self.height.div_ceil(self.shrink))
     }
 
-    /// Decodes a frame into `rgb`; returns false for a frame that is truncated, damaged or of another size.
+    /// Decodes the JPEG frame `bytes` into `rgb`; returns false for a frame that is truncated, damaged or of
+    /// another size.
     #[must_use]
     pub fn decode(&self, bytes: &[u8], rgb: &mut Vec<u8>) -> bool {
         let is_whole =
@@ -92,8 +94,8 @@ impl Jpeg {
     }
 }
 
-/// Returns the frame with Huffman tables, if it has none, and with [`SEAL`] before its end marker, which makes a decoder fail if blocks are
-/// missing.
+/// Returns the JPEG frame `bytes` with Huffman tables, if it has none, and with [`SEAL`] before the end marker, which makes a decoder fail
+/// if blocks are missing.
 fn sealed(bytes: &[u8]) -> Option<Vec<u8>> {
     let end = bytes.windows(2).rposition(|w| w == [0xff, 0xd9])?;
     let (head, rest) = bytes.get(..end)?.split_at_checked(huffman::missing_at(bytes).unwrap_or(0))?;
@@ -101,7 +103,8 @@ fn sealed(bytes: &[u8]) -> Option<Vec<u8>> {
     Some([head, &tables, rest, &SEAL, &[0xff, 0xd9]].concat())
 }
 
-/// Returns whether the restart markers count from 0 to 7 cyclically: a decoder ignores a missing marker and shifts the rest of the picture.
+/// Returns whether the restart markers of a JPEG frame count from 0 to 7 cyclically: a decoder ignores a missing marker and shifts the rest
+/// of the picture.
 fn restarts_are_in_order(bytes: &[u8]) -> bool {
     let numbers =
         bytes.windows(2).filter(|w| w[0] == 0xff && (0xd0..=0xd7).contains(&w[1])).map(|w| w[1] - 0xd0);
@@ -157,7 +160,8 @@ mod tests {
         }
     }
 
-    /// The encoder writes the tables of annex K.3 into each picture; many USB cameras send frames without them.
+    /// The encoder writes the tables of annex K.3 into each picture; the test removes them, since many USB
+    /// cameras send frames without them.
     #[test]
     fn a_frame_without_huffman_tables_is_decoded_with_the_standard_ones() {
         for (width, height) in [(320, 240), (1280, 720)] {

@@ -1,9 +1,9 @@
 //! Definition of structures that the kernel shares with programs, in the layout of a C compiler.
 
-/// Size of a pointer in bytes; some unions hold pointers.
+/// Size of a pointer of the target, bytes; some unions of the kernel contain pointers.
 pub const POINTER: usize = size_of::<usize>();
 
-/// Types for which all zero bits are a value.
+/// Types of which a value with all bits zero is valid.
 pub trait Zero {
     /// The value whose bits are all zero.
     const ZERO: Self;

@@ -2,14 +2,16 @@
 
 use hemilux_core::{Layout, Samples, read_luma};
 
-/// Number of samples across and down: 3,072 in all, one for every hundred pixels of a 640 x 480 frame.
+/// Number of sampled positions across and down a frame: 3,072 in all, one for every hundred pixels of a 640 x
+/// 480 frame.
 const GRID: (u32, u32) = (64, 48);
 
-/// Samples relative codes (0 black, 1 white; outside of 0 to 1 for limited range) on a fixed grid over the frame.
+/// Samples the relative codes of a frame (0 black, 1 white; outside of 0 to 1 for limited range) on a fixed grid
+/// and stores them in `codes`.
 pub fn sample(layout: &Layout, bytes: &[u8], codes: &mut Vec<f32>) {
     codes.clear();
     for j in 0..GRID.1 {
-        // Even positions, so that all samples of a mosaic have the same colour.
+        // The positions are even, so that all samples of a mosaic have the same colour.
         let y = (layout.height() * (2 * j + 1) / (2 * GRID.1)) & !1;
         codes.extend((0..GRID.0).map(|i| {
             let x = (layout.width() * (2 * i + 1) / (2 * GRID.0)) & !1;
@@ -29,10 +31,11 @@ mod tests {
     use super::*;
     use hemilux_core::format::{Format, Pattern};
 
-    /// Bytes written by hand from the kernel's tables of the packed formats.
+    /// The bytes were written by hand from the kernel's tables of the packed formats.
     #[test]
     fn packed_samples_are_read_at_the_kernels_bit_positions() {
-        // Pixels 0x3ff, 0x001, 0x200, 0x102: the high bytes, then the two low bits of each pixel, from pixel 0 up.
+        // Pixels 0x3ff, 0x001, 0x200, 0x102: first the high bytes, then the two low bits of each pixel, from pixel
+        // 0 up.
         let ten = [[0xff, 0x00, 0x80, 0x40, 0b10_00_01_11]; 2].concat();
         let code = |format, bytes: &[u8], x| {
             let layout = Layout::tight(format, 4, 2).expect("a layout");

@@ -1,62 +1,68 @@
 //! Exposure times measured from brightness ratios, for cameras whose sensor does not use the value that the control reads back.
 //!
-//! Ratios do not determine a common factor: the median of the deviations from the control's values is defined as no deviation.
+//! Ratios do not determine a common factor of all exposures: the median of their deviations from the control's values is set
+//! to zero.
 
 use std::collections::VecDeque;
 
-/// Largest deviation of a verified ratio, natural logarithm: 10 %.
+/// Largest deviation of a brightness ratio from the exposure ratio that it verifies, natural logarithm: 10 %.
 const VERIFIED: f64 = 0.0953;
 
-/// The result of comparing a brightness ratio with the expected exposure ratio.
+/// The result of comparing the brightness ratio of two frames with the expected ratio of their exposures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// The ratio is within 10 % of that of the control's values.
+    /// The brightness ratio is within 10 % of the ratio of the control's values.
     Agrees,
-    /// The ratio is within 10 % of that of the measured exposures, which differ from the control's values.
+    /// The brightness ratio is within 10 % of the ratio of the measured exposures, which differ from the
+    /// control's values.
     Measured,
-    /// The ratio distinguishes the exposures, but is not within 10 %.
+    /// The brightness ratio distinguishes the exposures, but is not within 10 % of the expected ratio.
     Near,
-    /// The ratio contradicts the predicted exposures.
+    /// The brightness ratio contradicts the predicted exposures.
     Differs,
     /// Too few samples are well exposed in both frames.
     CannotTell,
 }
 
-/// Largest deviation of a ratio, as a part of the smallest logarithmic step between two exposures. At one half, two exposures would match the
-/// ratio equally well.
+/// Largest deviation of a brightness ratio from the expected ratio, as a fraction of the smallest logarithmic step between two exposures. At
+/// one half, two exposures would match the ratio equally well.
 const TOLERANCE: f64 = 0.4;
 
-/// Upper limit of the tolerance, natural logarithm: a factor of 1.65, which covers a camera whose tone curve is only roughly known.
+/// Upper limit of the deviation that [`TOLERANCE`] permits, natural logarithm: a factor of 1.65, for a camera whose tone curve is
+/// only roughly known.
 const LARGEST_TOLERANCE: f64 = 0.5;
 
-/// Number of stored ratios of each step.
+/// Number of brightness ratios that are stored for each step from an exposure to the next.
 const KEPT: usize = 8;
 
-/// Largest spread of the ratios of a step, natural logarithm: flickering light and moving objects cause a larger spread.
+/// Largest spread of the stored ratios of a step, natural logarithm: flickering light and moving objects cause a larger
+/// spread.
 const SPREAD: f64 = 0.08;
 
-/// Largest deviation of a step from the control's values, natural logarithm; a larger deviation is caused by a wrong tone curve.
+/// Largest deviation of a step's measured ratio from the control's values, natural logarithm; a larger deviation is caused by a
+/// wrong tone curve.
 const LARGEST_DEVIATION: f64 = 1.0;
 
-/// Least change of a measured exposure that replaces its value, natural logarithm.
+/// Least difference by which a newly measured exposure replaces the present value, natural logarithm.
 const CHANGE: f64 = 0.03;
 
 /// The exposures of a burst: the control's values and the measured ones.
 #[derive(Clone, Debug)]
 pub struct MeasuredRatios {
-    /// Natural logarithms of the control's values in seconds, ascending.
+    /// Natural logarithms of the exposure times of the control's values, in seconds, ascending.
     told: Vec<f64>,
-    /// Natural logarithms of the measured values; equal to `told` within 10 %.
+    /// Natural logarithms of the measured exposure times, in seconds; equal to `told` where they differ by less
+    /// than 10 %.
     measured: Vec<f64>,
-    /// The newest ratios from each exposure to the next longer one, natural logarithms.
+    /// The newest brightness ratios from each exposure to the next longer one, natural logarithms.
     steps: Vec<VecDeque<f64>>,
-    /// Largest deviation of a ratio that still distinguishes the exposures, natural logarithm.
+    /// Largest deviation of a brightness ratio that still distinguishes the exposures, natural logarithm.
     tolerance: f64,
     changes: u64,
 }
 
 impl MeasuredRatios {
-    /// Creates the table from the control's values, `seconds`, ascending.
+    /// Creates the table of exposures from the exposure times of the control's values, `seconds`, ascending.
     #[must_use]
     pub fn new(seconds: &[f64]) -> Self {
         let told: Vec<f64> = seconds.iter().map(|s| s.ln()).collect();
@@ -64,30 +70,32 @@ impl MeasuredRatios {
         Self { tolerance: tolerance(&told), measured: told.clone(), told, steps, changes: 0 }
     }
 
-    /// Returns the exposure time of `slot` in seconds.
+    /// Returns the exposure time of `slot`, measured or else the control's, in seconds; `None` for a slot that
+    /// does not exist.
     #[must_use]
     pub fn seconds(&self, slot: usize) -> Option<f64> {
         self.measured.get(slot).map(|log| log.exp())
     }
 
-    /// Returns whether exposure `slot` differs from the control's value by more than 10 %.
+    /// Returns whether the measured time of exposure `slot` differs from the control's value by more than 10 %.
     #[must_use]
     pub fn deviates(&self, slot: usize) -> bool {
         self.measured.get(slot).zip(self.told.get(slot)).is_some_and(|(m, t)| (m - t).abs() > VERIFIED)
     }
 
-    /// Returns the number of times that measured exposures replaced earlier values.
+    /// Returns the number of times that measured exposure times replaced earlier ones.
     #[must_use]
     pub fn changes(&self) -> u64 {
         self.changes
     }
 
-    /// Drops the stored ratios when the control delay changes.
+    /// Drops the stored brightness ratios, when the control delay has changed.
     pub(super) fn forget(&mut self) {
         self.steps.iter_mut().for_each(VecDeque::clear);
     }
 
-    /// Compares the ratio from exposure `old` to exposure `new` with the expected one.
+    /// Compares `log_ratio`, the logarithm of the brightness ratio of a frame with exposure `new` to one with
+    /// exposure `old`, with the expected ratio.
     pub(super) fn judge(&self, old: usize, new: usize, log_ratio: f64) -> Verdict {
         let step = |of: &[f64]| of.get(new).zip(of.get(old)).map(|(new, old)| new - old);
         let (Some(told), Some(measured)) = (step(&self.told), step(&self.measured)) else {
@@ -103,8 +111,8 @@ impl MeasuredRatios {
         }
     }
 
-    /// Stores the ratio from exposure `old` to exposure `new`, and replaces exposures whose ratios deviate from the control's values by a
-    /// constant.
+    /// Stores the logarithm of a brightness ratio from exposure `old` to exposure `new`, and replaces the exposure times whose ratios
+    /// deviate from the control's values by a constant factor.
     pub(super) fn note(&mut self, old: usize, new: usize, log_ratio: f64) {
         let (step, up) = match (old.checked_add(1) == Some(new), new.checked_add(1) == Some(old)) {
             (true, _) => (old, log_ratio),
@@ -140,7 +148,8 @@ impl MeasuredRatios {
     }
 }
 
-/// Returns the median of the ratios of a step, once there are enough of them and their spread is small.
+/// Returns the median of the stored ratios of a step, natural logarithm; `None` while they are few or their
+/// spread is large.
 fn settled(kept: &VecDeque<f64>) -> Option<f64> {
     let mut sorted: Vec<f64> = kept.iter().copied().collect();
     sorted.sort_by(f64::total_cmp);

@@ -96,26 +96,26 @@ pub enum Call<'a> {
     SetRoutes(&'a mut Vec<abi::PadRoute>),
 }
 
-/// Result of waiting for a node.
+/// The events for which a wait on a device node has ended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Ready {
     /// A frame can be dequeued.
     pub frame: bool,
     /// An event can be dequeued.
     pub event: bool,
-    /// The device is gone or its queue is broken.
+    /// The device is gone or its queue of buffers is broken.
     pub gone: bool,
 }
 
 /// An open device node; dropping it closes the node and unmaps its buffers.
 pub trait Node: Send {
-    /// Makes one request.
+    /// Makes one request to the device node.
     ///
     /// # Errors
     /// The kernel's error, EINTR included.
     fn call(&mut self, call: Call<'_>) -> Result<(), Errno>;
 
-    /// Waits for a frame or an event; all fields are false after `timeout`.
+    /// Waits for a frame or an event of the device node; all fields of the result are false after `timeout`.
     ///
     /// # Errors
     /// The kernel's error, EINTR included.
@@ -164,39 +164,39 @@ pub trait Kernel: Send {
 /// Reasons why a camera delivers no frames.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CameraError {
-    /// A request failed.
+    /// A request to the kernel failed.
     #[error("{path}: {operation}: found {errno}, expected {expected}")]
     Failed {
-        /// Path of the node.
+        /// Path of the device node.
         path: PathBuf,
-        /// The operation that failed.
+        /// Name of the request that failed.
         operation: &'static str,
-        /// Description of the kernel's error.
+        /// Description of the kernel's error number.
         errno: String,
-        /// The expected condition.
+        /// The condition under which the request succeeds.
         expected: &'static str,
     },
     /// The device is missing or was unplugged.
     #[error("{0}: found no camera, expected one that is plugged in")]
     Gone(PathBuf),
-    /// No frame arrived within the timeout.
+    /// The camera delivered no frame within the timeout.
     #[error("{path}: found no frame in {ms} ms, expected one every {period_ms} ms")]
     Silent {
-        /// Path of the node.
+        /// Path of the device node.
         path: PathBuf,
-        /// Time since the last frame, milliseconds.
+        /// Time since the last frame of the camera, milliseconds.
         ms: u64,
-        /// Frame interval, milliseconds.
+        /// Frame interval of the camera, milliseconds.
         period_ms: u64,
     },
-    /// A property of the device cannot be used.
+    /// A property of the camera cannot be used.
     #[error("{path}: found {found}, expected {expected}")]
     Unfit {
-        /// Path of the node.
+        /// Path of the device node.
         path: PathBuf,
-        /// Description of the value that was found.
+        /// Description of the property that was found.
         found: String,
-        /// Description of the value that was expected.
+        /// Description of the property that was expected.
         expected: String,
     },
 }

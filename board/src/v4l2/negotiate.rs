@@ -1,4 +1,4 @@
-//! Negotiation of the pixel format, size and rate between a node and its sensor.
+//! Negotiation of the pixel format, frame size and frame rate between a node and its sensor.
 
 use super::access::failed;
 use super::device;
@@ -11,19 +11,21 @@ use hemilux_core::mains::{Lamps, best_rate};
 use rustix::io::Errno;
 use std::path::Path;
 
-/// Least granted frame rate, as a part of the requested one, that is taken for the phases at which it shows lamps on the mains.
+/// Least granted frame rate, as a fraction of the requested one, that is accepted in order that successive bursts show lamps on
+/// the mains at differing phases.
 const SLOWEST: f64 = 0.85;
 
 /// The media bus format in which a node receives the frames of its sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Carried {
-    /// Media bus code.
+    /// Media bus code of the frames.
     pub code: u32,
     /// Size of the frames.
     pub size: Size,
 }
 
-/// Sets the node's format, of `asked` pixels or of the size that the sensor sends: the stream does not start with another size.
+/// Sets the node's format to a size of `asked` pixels, or to the size that the sensor sends: with another size the stream does
+/// not start.
 pub(super) fn set_format(
     video: &mut dyn Node,
     carried: Option<Carried>,
@@ -85,7 +87,7 @@ fn is_slow(format: &device::FormatInfo, size: Size, rate_hz: f64) -> bool {
     rates.copied().reduce(f64::max).is_some_and(|most| most < rate_hz / 2.0)
 }
 
-/// Sets the sample bits, the mosaic and the size of a sensor whose node has no media graph.
+/// Sets the bits per sample, the mosaic and the size of the frames of a sensor whose node has no media graph.
 pub(super) fn set_pad(sensor: &mut dyn Node, wished: Size) -> Option<Carried> {
     let offered = bus::offered(sensor, 0);
     let code = *bus::ranked(&offered).first()?;
@@ -96,8 +98,8 @@ pub(super) fn set_pad(sensor: &mut dyn Node, wished: Size) -> Option<Carried> {
 
 /// Requests the frame rate of `options` and returns the granted frame interval in seconds.
 ///
-/// A rate that shows lamps on the mains at differing phases is requested first, and taken if the driver grants one of that kind. The rates
-/// that do so for bursts of one frame do so for most other numbers of frames.
+/// A frame rate at which successive bursts show lamps on the mains at differing phases is requested first, and accepted if the driver
+/// grants a rate of that kind. The rates for which this holds for bursts of one frame are right for most other numbers of frames.
 pub(super) fn choose_rate(video: &mut dyn Node, options: &Options) -> Result<f64, CameraError> {
     let spread = |rate_hz| best_rate(rate_hz, 1, Lamps::Auto);
     let (asked, best) = (options.rate_hz, spread(options.rate_hz));
@@ -111,7 +113,8 @@ pub(super) fn choose_rate(video: &mut dyn Node, options: &Options) -> Result<f64
     set_rate(video, asked, &options.path)
 }
 
-/// Requests a frame rate and returns the granted frame interval in seconds. A driver whose rate cannot be set is not an error.
+/// Requests the frame rate `rate_hz` and returns the granted frame interval in seconds. A driver whose rate cannot be set is
+/// not an error.
 fn set_rate(video: &mut dyn Node, rate_hz: f64, path: &Path) -> Result<f64, CameraError> {
     let rate_hz = if rate_hz > 0.0 { rate_hz.clamp(0.1, 1000.0) } else { 30.0 };
     let interval = [1000, (1000.0 * rate_hz).round() as u32];

@@ -8,21 +8,24 @@ use super::schedule::is_after;
 /// Number of successive frames with the first frame's number after which frames are numbered by time.
 const STILL: u32 = 3;
 
-/// Largest step of a driver's numbers that is accepted without comparison with the elapsed time.
+/// Largest step between the driver's numbers of two frames that is accepted without comparison with the elapsed
+/// time.
 const PLAIN_STEP: u32 = 8;
 
-/// Largest ratio of a driver's step to the elapsed number of frame intervals.
+/// Largest accepted ratio of the step between two of the driver's numbers to the number of frame intervals that
+/// have elapsed.
 const MOST_AHEAD: u32 = 4;
 
-/// Number of successive frames after which a constant step of more than 1 per frame interval is the driver's unit.
+/// Number of successive frames after which a constant step of more than 1 per frame interval is taken as the unit
+/// of the driver's numbers.
 const STEADY: u32 = 4;
 
-/// The newest accepted frame.
+/// The newest frame that has a number.
 #[derive(Clone, Copy, Debug)]
 struct Newest {
-    /// Number from the driver.
+    /// Number of the frame from the driver.
     told: u32,
-    /// Number that was assigned.
+    /// Number that was assigned to the frame.
     number: u32,
     time_ns: u64,
 }
@@ -33,9 +36,10 @@ pub(super) struct Numbers {
     newest: Option<Newest>,
     /// True if the driver's numbers have increased.
     has_risen: bool,
-    /// Number of frames with the first frame's number.
+    /// Number of successive frames that have the number of the first frame.
     still: u32,
-    /// The driver's step per frame interval that is observed, and the number of successive frames that had it.
+    /// The observed step of the driver's numbers per frame interval, and the number of successive frames that
+    /// had this step.
     stride: u32,
     steady: u32,
     /// The driver's number of the frame before, if that frame was dropped.
@@ -45,15 +49,16 @@ pub(super) struct Numbers {
 /// The timestamp of a frame and the time at which it was taken from the driver, nanoseconds of CLOCK_MONOTONIC.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FrameTimes {
-    /// Timestamp of the driver.
+    /// Timestamp of the driver, nanoseconds.
     pub stamped_ns: u64,
     pub now_ns: u64,
-    /// Frame interval.
+    /// Frame interval, seconds.
     pub period_s: f64,
 }
 
 impl Numbers {
-    /// Returns the number of the frame that the driver numbers `told`; `None` if it repeats an earlier frame's number.
+    /// Returns the assigned number of the frame whose number from the driver is `told`; `None` if the driver repeats
+    /// an earlier frame's number.
     pub fn number(&mut self, told: u32, times: FrameTimes) -> Option<u32> {
         let Some(last) = self.newest else {
             self.newest = Some(Newest { told, number: told, time_ns: times.newest_ns(0) });
@@ -89,7 +94,8 @@ impl Numbers {
 }
 
 impl Numbers {
-    /// Returns a step of the driver's numbers in frame intervals: some drivers count fields, or the frames of a faster sensor.
+    /// Converts a step of the driver's numbers to frame intervals: some drivers count fields, or the frames of a faster
+    /// sensor.
     fn in_intervals(&mut self, step: u32, elapsed: u32) -> u32 {
         if elapsed == 1 {
             self.steady = if step == self.stride { self.steady.saturating_add(1) } else { 1 };
@@ -101,7 +107,7 @@ impl Numbers {
 }
 
 impl FrameTimes {
-    /// Returns the timestamp if it lies between `last_ns` and the present, else the present time.
+    /// Returns the frame's timestamp if it lies between `last_ns` and the present, else the present time.
     fn newest_ns(&self, last_ns: u64) -> u64 {
         let is_good = self.stamped_ns > last_ns && self.stamped_ns <= self.now_ns;
         if is_good { self.stamped_ns } else { self.now_ns }
@@ -118,7 +124,8 @@ impl FrameTimes {
 mod tests {
     use super::*;
 
-    /// Numbers frames of 40 ms from the driver's numbers and the times in frame intervals.
+    /// Assigns numbers to frames at an interval of 40 ms; each frame is given by the driver's number and by its
+    /// time in frame intervals.
     fn numbered(frames: &[(u32, u64)]) -> Vec<Option<u32>> {
         let mut numbers = Numbers::default();
         let times =

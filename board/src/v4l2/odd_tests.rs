@@ -10,22 +10,23 @@ use super::supervise::{Outcome, Supervisor};
 use super::tests::options;
 use std::time::Duration;
 
-/// Result of a minute of simulated time.
+/// Result of running a camera for a minute of simulated time.
 #[derive(Debug, Default)]
 struct Minute {
     frames: usize,
-    /// Number of frames that are verified or measured.
+    /// Number of frames whose exposure is verified or measured.
     certain: usize,
     /// Number of frames whose reported exposure differs from the true one by more than 10 %.
     wrong: usize,
-    /// Number of frames that are verified or measured, with a wrong exposure.
+    /// Number of frames whose exposure is verified or measured, and differs from the true one by more than 10
+    /// %.
     wrong_certain: usize,
     /// Number of exposures of a burst.
     exposures: usize,
     reopened: u64,
     lost: u64,
     resyncs: u64,
-    /// Reasons for which the camera was closed.
+    /// Reasons for which the camera was closed during the minute.
     down: Vec<String>,
 }
 
@@ -65,11 +66,11 @@ fn minute(script: Script) -> Minute {
     minute
 }
 
-/// Expected result of a minute of a camera of 25 Hz.
+/// Expected result of a minute of a camera with a frame rate of 25 Hz.
 struct Expected {
     quirk: Quirk,
     exposures: usize,
-    /// Least number of frames, and least number of certain frames.
+    /// Least number of frames, and least number of frames whose exposure is verified or measured.
     frames: usize,
     certain: usize,
 }
@@ -110,7 +111,8 @@ fn controls_that_are_written_late_or_in_vain_make_no_wrong_exposure() {
     }
 }
 
-/// No model of the delay is right for such a camera; with equal steps between the exposures, a few ratios agree by chance.
+/// No constant control delay describes such a camera; with equal steps between the exposures, a few ratios agree by
+/// chance.
 #[test]
 fn a_control_delay_that_varies_makes_few_frames_certain() {
     let found = minute(script(&[Quirk::Jitters]));

@@ -8,23 +8,24 @@ use hemilux_core::{Levels, Response};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// A control that replaces the exposure on a test bench whose camera has no exposure control.
+/// A control that replaces the exposure control, on a test bench whose camera has none.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StandIn {
-    /// Name of the control; case is ignored.
+    /// Name of the replacing control; case is ignored.
     pub control: String,
-    /// Values of the control, one for each exposure in the same order.
+    /// Values of the control, one for each exposure, in the order of the exposures.
     pub values: Vec<i64>,
 }
 
-/// The mode to which a lens file applies.
+/// The camera mode to which a lens file applies.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LensFit {
-    /// Size of the pictures.
+    /// Size of the pictures of the mode.
     pub size: Size,
-    /// Part of the sensor that the pictures cover, if the file contains it; the lens can then be converted to other parts.
+    /// Part of the sensor that the pictures cover, if the lens file contains it; the lens can then be converted to other
+    /// parts.
     pub shown: Option<Shown>,
-    /// Lens model of the file.
+    /// Lens model in the lens file.
     pub lens: Lens,
 }
 
@@ -39,21 +40,21 @@ pub struct Options {
     pub size: Size,
     /// True if a sensor of the table is set to the mode that covers the whole sensor, in place of `size`.
     pub full_view: bool,
-    /// The mode that pictures must have, since the lens file applies to it alone.
+    /// The mode to which the lens file applies; pictures must have it.
     pub lens: Option<LensFit>,
-    /// FourCC of the pixel format; by default the most preferred readable one.
+    /// FourCC of the requested pixel format; by default the most preferred readable one.
     pub fourcc: Option<u32>,
-    /// Requested frames per second.
+    /// Requested frame rate, Hz.
     pub rate_hz: f64,
     /// Whether a rate of up to 15 % less than `rate_hz` is taken if it shows lamps on the mains at phases that differ from burst to burst.
     pub spreads_phases: bool,
     /// Requested exposure times, seconds.
     pub exposures_s: Vec<f64>,
-    /// Whether the exposures follow the light, `exposures_s` being the first.
+    /// Whether the exposures follow the light of the scene; `exposures_s` are then those of the first burst.
     pub follows_light: bool,
-    /// A control that replaces the exposure.
+    /// A control that replaces the exposure control, for a test bench; `None` for a real camera.
     pub stand_in: Option<StandIn>,
-    /// Control delay, frames after the next one; measured by default.
+    /// Control delay, frames after the next one; `None` if it is measured.
     pub delay: Option<u32>,
     /// Camera response from codes to relative exposure; by default it follows from the pixel format.
     pub response: Option<Response>,
@@ -96,7 +97,7 @@ pub struct Agreed {
 }
 
 impl LensFit {
-    /// Checks that the lens file applies to pictures of `size` that cover `view` of the sensor.
+    /// Checks that the lens file applies to pictures of size `got` that cover `view` of the sensor.
     pub(super) fn check(&self, got: Size, view: Option<&View>, path: &Path) -> Result<(), CameraError> {
         let refuse = |found, expected| Err(CameraError::Unfit { path: path.into(), found, expected });
         match (self.shown, view) {

@@ -101,7 +101,7 @@ plain! {
     PadRouting(64, 64) {
         /// Input: [`FORMAT_ACTIVE`].
         which: u32 = FORMAT_ACTIVE,
-        /// Input: number of routes for which the array has memory.
+        /// Input: number of routes for which the array at `routes_at` has memory.
         length: u32,
         /// Input: address of the array of routes.
         routes_at: u64,

@@ -14,19 +14,19 @@ pub(super) struct CameraNodes {
     pub video: Box<dyn Node>,
     /// Node of the exposure control; `None` if the capture node has it.
     pub sensor: Option<Box<dyn Node>>,
-    /// Known properties of the sensor.
+    /// Properties of the sensor model, if the table has it.
     pub known: Option<&'static Sensor>,
     /// Requested size of the pictures.
     pub asked: Size,
     pub granted: abi::PixelFormat,
-    /// Links and formats that are restored when the camera is closed.
+    /// Links and pad formats that are restored when the camera is closed.
     pub wiring: Option<Wiring>,
 }
 
 /// Opens the camera's nodes and sets their formats.
 ///
 /// # Errors
-/// [`CameraError`] of the node or pad that could not be opened or set.
+/// [`CameraError`] of the node or pad that could not be opened or did not accept its format.
 pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<CameraNodes, CameraError> {
     match media::locate(kernel, options)? {
         Some(located) => open_route(kernel, &located, options),
@@ -34,7 +34,8 @@ pub(super) fn open(kernel: &mut dyn Kernel, options: &Options) -> Result<CameraN
     }
 }
 
-/// Returns the requested size: that of the whole-sensor mode of a known sensor, unless the options name another size.
+/// Returns the requested size of the pictures: for a known sensor that of the mode that covers the whole sensor,
+/// unless the options name another size.
 fn asked(known: Option<&Sensor>, options: &Options) -> Size {
     known.filter(|_| options.full_view).map_or(options.size, |sensor| sensor.full_view)
 }
@@ -72,7 +73,8 @@ fn capture_node(kernel: &mut dyn Kernel, path: &Path) -> Result<Box<dyn Node>, C
     Ok(video)
 }
 
-/// Opens the first route, by length, on which every pad and the node accept the format; returns the error of the best route if none does.
+/// Opens the first route of the camera, by length, on which every pad and the node accept the format; returns the error of the best route
+/// if none does.
 fn open_route(
     kernel: &mut dyn Kernel,
     located: &Located,

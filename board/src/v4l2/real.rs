@@ -62,7 +62,7 @@ struct Controls {
     controls: *mut abi::Control,
 }
 
-/// Sizes and request numbers that a C compiler gave for the same headers.
+/// The sizes and request numbers are those that a C compiler gave for the kernel's headers.
 const _: () = {
     assert!(
         size_of::<Controls>() == if size_of::<usize>() == 8 { 32 } else { 24 },
@@ -84,10 +84,10 @@ const _: () = {
     assert!(G_TOPOLOGY == 0xc048_7c04, "MEDIA_IOC_G_TOPOLOGY");
 };
 
-/// Longest mapping, bytes: a frame of 64 megapixels of four bytes.
+/// Longest mapping of a buffer, bytes: a frame of 64 megapixels of four bytes each.
 const MAX_BUFFER_BYTES: u32 = 256 << 20;
 
-/// A buffer of the driver, mapped into this process.
+/// A buffer of the driver that is mapped into the memory of this process.
 struct Mapping {
     start: NonNull<u8>,
     length: usize,
@@ -115,8 +115,8 @@ impl File {
 
     /// Gets or sets one control of any class.
     fn control<const CODE: Opcode>(&self, control: &mut abi::Control) -> Result<(), Errno> {
-        // The kernel writes one `v4l2_ext_control`, to which the pointer points for as long as the call lasts; size 0 in it says
-        // that it holds no further pointer.
+        // The kernel writes one `v4l2_ext_control`, to which the pointer points until the call returns; size 0 in the structure
+        // means that it contains no further pointer.
         control.size = 0;
         let mut all = Controls {
             which: 0,
@@ -129,7 +129,7 @@ impl File {
         self.update::<CODE, _>(&mut all)
     }
 
-    /// Reads a media device: first the counts, then at most as many entries.
+    /// Reads the graph of a media device: first the numbers of entries, then at most as many entries.
     fn topology(&self, topology: &mut Topology) -> Result<(), Errno> {
         let mut counts = media::Counts::default();
         self.update::<G_TOPOLOGY, _>(&mut counts)?;
@@ -148,7 +148,7 @@ impl File {
         counts.pads_at = at(topology.pads.as_mut_ptr() as usize);
         counts.links_at = at(topology.links.as_mut_ptr() as usize);
         // The kernel writes at most as many entries as each count says, which is the length of the vector at that address; the vectors
-        // live until the call has returned. Where the graph has grown meanwhile it fails with ENOSPC.
+        // live until the call has returned. If the graph has grown since the counts were read, the call fails with ENOSPC.
         self.update::<G_TOPOLOGY, _>(&mut counts)?;
         topology.entities.truncate(counts.entities[0] as usize);
         topology.interfaces.truncate(counts.interfaces[0] as usize);
@@ -248,8 +248,8 @@ impl Node for File {
             return Err(Errno::INVAL);
         }
         let length = buffer.length as usize;
-        // SAFETY: the kernel chooses an address that is free; nothing else refers to it. The mapping is only ever read: what is not
-        // mapped for reading and writing some drivers refuse.
+        // SAFETY: the kernel chooses a free address; no reference to that memory exists. The mapping is never written, but some
+        // drivers refuse mappings that are not for reading and writing.
         let start = unsafe {
             mmap(
                 std::ptr::null_mut(),
@@ -267,9 +267,9 @@ impl Node for File {
 
     fn bytes(&self, index: u32) -> &[u8] {
         match self.mappings.get(index as usize) {
-            // SAFETY: `start..start + length` was mapped by `map` and stays so until `self` is dropped, which the borrow prevents.
-            // Queued buffers are left out, and queueing one needs `&mut self`: by V4L2's contract the driver writes to no buffer that
-            // has been dequeued, so nothing changes behind the reference.
+            // SAFETY: `start..start + length` was mapped by `map` and stays mapped until `self` is dropped, which the borrow
+            // prevents. Queued buffers are excluded, and queueing a buffer needs `&mut self`: by V4L2's contract the driver does not
+            // write to a dequeued buffer, so the bytes do not change while the reference exists.
             Some(m) if !m.queued => unsafe { std::slice::from_raw_parts(m.start.as_ptr(), m.length) },
             _ => &[],
         }
@@ -279,17 +279,17 @@ impl Node for File {
 impl Drop for File {
     fn drop(&mut self) {
         for mapping in &self.mappings {
-            // SAFETY: exactly what `map` mapped, once; no reference outlives `self`.
+            // SAFETY: `map` mapped exactly this range, which is unmapped once; no reference outlives `self`.
             let _ = unsafe { munmap(mapping.start.as_ptr().cast(), mapping.length) };
         }
     }
 }
 
-/// The kernel of the operating system.
+/// The kernel of the operating system, called by system calls.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RealKernel;
 
-/// Returns the numbered nodes of /dev in the order of their numbers.
+/// Returns the paths of the nodes in /dev whose name is `prefix` and a number, in the order of the numbers.
 fn numbered(prefix: &str) -> Vec<PathBuf> {
     let entries = std::fs::read_dir("/dev").into_iter().flatten().flatten();
     let names = entries.filter_map(|e| e.file_name().into_string().ok());

@@ -1,12 +1,12 @@
 //! Prediction of each frame's exposure from the log of control writes.
 //!
-//! A control that is written after the sensor's frame `s` acts from frame `s + 1 + delay` on, so a frame's exposure is that of the latest
-//! write that could act on it, even if frames in between were lost. Writes are assigned to frames by sequence number, never by counting
-//! delivered frames.
+//! A control that is written after the sensor's frame `s` acts from frame `s + 1 + delay` on, so the exposure of a frame is that of the
+//! latest write that could act on it, even if frames in between were lost. Writes are assigned to frames by sequence number, not by
+//! counting delivered frames.
 
 use std::collections::VecDeque;
 
-/// Longest control delay, frames after the next one.
+/// Longest control delay that the schedule supports, frames after the next one.
 pub const MAX_DELAY: u32 = 8;
 
 /// Number of logged writes: more than the longest delay and the longest queue of frames together.
@@ -23,12 +23,12 @@ pub enum Known {
     Verified,
     /// The exposure was measured from brightness ratios, which differ from the control's value by more than 10 %.
     Measured,
-    /// The brightness ratio contradicts the prediction, or there is no prediction.
+    /// The brightness ratio contradicts the predicted exposure, or no exposure is predicted.
     Unknown,
 }
 
 impl Known {
-    /// Returns the name of the origin in `burst.toml`.
+    /// Returns the name of the origin of an exposure in `burst.toml`.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -43,9 +43,9 @@ impl Known {
 
 #[derive(Clone, Copy, Debug)]
 struct Write {
-    /// Sequence number of the newest frame that the sensor had finished.
+    /// Sequence number of the newest frame that the sensor had finished before the write.
     after: u32,
-    /// Index into the exposures.
+    /// Index of the written exposure.
     slot: usize,
     /// Number of frames, from the first on which the write can act, whose exposure is uncertain because of a late write.
     doubt: u32,
@@ -57,7 +57,7 @@ pub struct Schedule {
     delay: u32,
     slots: usize,
     writes: VecDeque<Write>,
-    /// Index of the exposure before the first write.
+    /// Index of the exposure that acts before the first write.
     initial: usize,
     /// Whether `initial` is certain.
     initial_certain: bool,
@@ -73,7 +73,7 @@ pub const fn is_after(a: u32, b: u32) -> bool {
 struct Acting {
     /// Index of the exposure.
     slot: usize,
-    /// False if the write may have been too late for the frame.
+    /// False if the write of the exposure may have been too late for the frame.
     certain: bool,
 }
 
@@ -102,7 +102,7 @@ impl Schedule {
         self.wrote(sequence, stays, u32::MAX);
     }
 
-    /// Returns the control delay, frames after the next one.
+    /// Returns the control delay of the schedule, frames after the next one.
     #[must_use]
     pub fn delay(&self) -> u32 {
         self.delay
@@ -113,8 +113,8 @@ impl Schedule {
         self.delay = delay.min(MAX_DELAY);
     }
 
-    /// Returns the exposure to write after frame `sequence`: the successor of the exposure of the frame before the one on which the write
-    /// acts.
+    /// Returns the index of the exposure to write after frame `sequence`. If the write acts on frame n, it is the exposure after that of
+    /// frame n - 1 in the order of the burst.
     #[must_use]
     pub fn due(&self, sequence: u32) -> usize {
         let target = sequence.wrapping_add(1).wrapping_add(self.delay);
@@ -130,21 +130,21 @@ impl Schedule {
         self.writes.push_back(Write { after, slot, doubt });
     }
 
-    /// Returns the exposure of frame `sequence`; `None` if a late write makes it uncertain.
+    /// Returns the index of the exposure of frame `sequence`; `None` if a late write makes it uncertain.
     #[must_use]
     pub fn exposure_of(&self, sequence: u32) -> Option<usize> {
         self.exposure_with(sequence, self.delay)
     }
 
-    /// Returns the exposure of frame `sequence` under the control delay `delay`, by which the delay that matches the brightness ratios is
-    /// found.
+    /// Returns the index of the exposure that frame `sequence` has if the control delay is `delay`. The delay that matches the brightness
+    /// ratios is found by comparison of the results.
     #[must_use]
     pub fn exposure_with(&self, sequence: u32, delay: u32) -> Option<usize> {
         let Acting { slot, certain } = self.acting(sequence, delay);
         certain.then_some(slot)
     }
 
-    /// Returns the exposure of the newest write that acts on frame `sequence` with control delay `delay`.
+    /// Returns the exposure of the newest write that acts on frame `sequence` if the control delay is `delay`.
     fn acting(&self, sequence: u32, delay: u32) -> Acting {
         let first = |w: &Write| w.after.wrapping_add(1).wrapping_add(delay);
         let acts = |w: &&Write| !is_after(first(w), sequence);

@@ -17,7 +17,7 @@ use rustix::io::Errno;
 /// An open camera whose format and exposures are negotiated.
 pub(super) struct Setup {
     pub video: Box<dyn Node>,
-    /// Node of the exposure control; `None` if the capture node has it.
+    /// Node of the sensor with the exposure control; `None` if the capture node has the control.
     pub sensor: Option<Box<dyn Node>>,
     pub picture: Picture,
     pub period_s: f64,
@@ -26,18 +26,18 @@ pub(super) struct Setup {
     pub reads_back: bool,
     /// Controls that keep their values while the camera streams, in the order in which they are set.
     pub held: Vec<Held>,
-    /// Times that the exposure control takes, if it sets a time.
+    /// Range of exposure times that the exposure control accepts, if it sets a time.
     pub range: Option<TimeRange>,
     /// Exposures of the burst, at least one; without an exposure control exactly one, the frame interval.
     pub settings: Vec<ExposureSetting>,
-    /// Part of the sensor that pictures cover, if it is known.
+    /// Part of the sensor that pictures cover; `None` if it is unknown.
     pub view: Option<View>,
-    /// Control delay from the table of sensors.
+    /// Control delay from the table of sensors, frames after the next one.
     pub delay: Option<u32>,
-    /// Relative code of black from the table of sensors.
+    /// Relative code of black from the table of sensors, 0 to 1; 0 for other sensors.
     pub black: f64,
     pub agreed: Vec<Agreed>,
-    /// The last field, so that the nodes are closed before formats and links are restored.
+    /// This field is the last one, so that the nodes are closed before formats and links are restored.
     _wiring: Option<Wiring>,
 }
 
@@ -116,13 +116,14 @@ fn agreed_view(view: &View) -> Agreed {
     agreed("view", "all of the sensor".into(), view.to_string())
 }
 
-/// Reports a control that did not accept its value.
+/// Returns the report on a held control that did not accept its value.
 fn refused(held: &Held) -> Agreed {
     let got = held.found.map_or_else(|| "unreadable".into(), |value| value.to_string());
     agreed("control", format!("{} = {}", held.info.name, held.wanted), got)
 }
 
-/// Sets the held controls again that the camera changed when its stream started; returns true if it changed any.
+/// Sets again the held controls that the camera changed when its stream started; returns true if it had changed
+/// any.
 pub(super) fn restore(setup: &mut Setup) -> bool {
     let Setup { video, sensor, held, .. } = setup;
     let node: &mut dyn Node = match sensor {
@@ -140,7 +141,8 @@ pub(super) fn restore(setup: &mut Setup) -> bool {
     changed
 }
 
-/// Negotiates other exposures while the camera streams; empty if the camera takes none of them.
+/// Negotiates the exposure times `wished_s`, seconds, while the camera streams; returns an empty list if the
+/// camera accepts none of them.
 pub(super) fn renegotiate(setup: &mut Setup, wished_s: &[f64]) -> Vec<ExposureSetting> {
     let Setup { video, sensor, knob, reads_back, period_s, .. } = setup;
     let Some(knob) = knob else { return Vec::new() };
@@ -166,7 +168,8 @@ struct Exposing {
     held: Vec<Held>,
 }
 
-/// Switches the exposure to manual and negotiates its values; the frame interval follows a sensor's longest exposure.
+/// Switches the exposure to manual and negotiates the values of the exposure control; the frame interval follows a
+/// sensor's longest exposure.
 fn expose(
     node: &mut dyn Node,
     options: &Options,
@@ -187,7 +190,7 @@ fn expose(
         }
     }
     let Manual { settable, mut held } = exposure::go_manual(node);
-    // The gain is set to its least value, at which every sensor is linear and has the least relative noise.
+    // The gains are set to their least value, at which every sensor is linear and has the least relative noise.
     for id in [abi::ANALOGUE_GAIN, abi::GAIN] {
         held.extend(Held::set(node, id, i64::MIN));
     }
@@ -211,7 +214,7 @@ fn expose(
     Exposing { knob: None, settings: vec![ExposureSetting::whole(*period_s)], reads_back: true, held }
 }
 
-/// Writes a setting's value to the exposure control.
+/// Writes the value of `setting` to the exposure control.
 pub(super) fn write(node: &mut dyn Node, info: &Info, setting: &ExposureSetting) -> Result<(), Errno> {
     controls::set(node, info, setting.value)
 }

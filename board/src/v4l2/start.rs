@@ -10,15 +10,16 @@ use rustix::io::Errno;
 use std::path::Path;
 use std::time::Duration;
 
-/// Number of requested buffers: one is filled, one is read; the others absorb a delay of four frames without loss.
+/// Number of requested buffers: the driver fills one and the program reads one; the others absorb a delay of four
+/// frames without loss.
 const BUFFERS: u32 = 6;
 
-/// Number of attempts to start the stream, and the time between them: USB cameras fail while another device ends its transfers, and some
-/// drivers fail after their first start.
+/// Number of attempts to start the stream, and the time between two attempts: USB cameras fail while another device ends its transfers,
+/// and some drivers fail after their first start.
 const START_TRIES: u32 = 6;
 const START_PAUSE: Duration = Duration::from_millis(100);
 
-/// Number of attempts of the first exposure write.
+/// Number of attempts to write the first exposure of a stream.
 const FIRST_TRIES: u32 = 4;
 
 impl Camera {
@@ -64,7 +65,7 @@ impl Camera {
         }
     }
 
-    /// Writes the controls again that the camera reset when the stream started.
+    /// Sets again the controls that the camera reset when the stream started.
     fn restore(&mut self, kernel: &mut dyn Kernel) -> Result<(), CameraError> {
         let changed = setup::restore(&mut self.setup);
         let expected = self.setup.settings.first().map(|s| s.value);

@@ -8,14 +8,14 @@ use super::setup::Options;
 use super::{CameraError, Kernel};
 use std::time::Duration;
 
-/// Time between two attempts to open the camera: long enough for a device to settle, short enough for light sets that are at most two seconds
-/// old.
+/// Time between two attempts to open the camera: long enough for a device to become ready, short enough for light sets that are at most two
+/// seconds old.
 const RETRY: Duration = Duration::from_secs(1);
 
-/// Longest wait of one step, which bounds the latency of a shutdown.
+/// Longest wait in [`Supervisor::step`], which bounds the latency of a shutdown.
 const WAIT: Duration = Duration::from_millis(250);
 
-/// The result of one step.
+/// The result of [`Supervisor::step`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Outcome {
     /// A complete frame was received.
@@ -32,7 +32,8 @@ pub struct Supervisor {
     options: Options,
     camera: Option<Camera>,
     retry_ns: u64,
-    /// Layout of the first frames. Later frames must have the same layout, since the tables of the lens depend on it.
+    /// Layout of the frames since the first opening. Later frames must have the same layout, since the tables of the
+    /// lens depend on it.
     picture: Option<Picture>,
     reopened: u64,
 }
@@ -51,7 +52,7 @@ impl Supervisor {
     /// Opens the camera; if it is missing or silent, returns a supervisor that retries as after a disconnection.
     ///
     /// # Errors
-    /// [`CameraError`] for all other failures.
+    /// [`CameraError`] for all failures but a missing or silent camera.
     pub fn open_or_wait(kernel: Box<dyn Kernel>, options: Options) -> Result<Self, CameraError> {
         let mut new = Self { kernel, options, camera: None, retry_ns: 0, picture: None, reopened: 0 };
         match new.bring_up() {
@@ -72,7 +73,7 @@ impl Supervisor {
         self.reopened
     }
 
-    /// Waits at most a quarter of a second for a frame or for the next attempt.
+    /// Waits at most a quarter of a second for a frame, or for the time of the next attempt to open the camera.
     pub fn step(&mut self, frame: &mut RawFrame) -> Outcome {
         let Some(camera) = &mut self.camera else { return self.revive() };
         match camera.next(self.kernel.as_mut(), WAIT, frame) {
@@ -82,7 +83,8 @@ impl Supervisor {
         }
     }
 
-    /// Replaces the exposures, seconds, of the open camera and of those that are opened later. Returns the failure of the camera.
+    /// Replaces the exposure times, `seconds`, of the open camera and of every later opening. Returns the failure of the camera,
+    /// if it fails.
     pub fn set_exposures(&mut self, seconds: &[f64]) -> Option<Outcome> {
         self.options.exposures_s = seconds.to_vec();
         let set = self.camera.as_mut()?.set_exposures(self.kernel.as_mut(), seconds);
@@ -117,7 +119,8 @@ impl Supervisor {
         if picture != camera.picture() {
             return Err(changed(&camera, picture));
         }
-        // The measured delay and exposures are kept; if they have changed, the comparison of frames corrects them.
+        // The measured delay and exposures are kept for the next opening; if they have changed, the comparison of
+        // frames corrects them.
         self.options.delay = self.options.delay.or(camera.delay());
         self.camera = Some(camera);
         Ok(())
@@ -162,7 +165,7 @@ mod tests {
             }
             assert!(!at_rest || kernel.held().0 <= 1, "one camera at most");
         }
-        // One disconnection, and failed attempts after one, two and three seconds.
+        // The reasons are one disconnection, and failed attempts after one, two and three seconds.
         assert_eq!(reasons.len(), 200, "one try a second");
         reasons.dedup();
         assert_eq!(reasons.len(), 1, "always in the same words, so that they are logged once: {reasons:?}");

@@ -22,7 +22,7 @@ pub(super) fn options() -> Options {
     }
 }
 
-/// Numbers of frames of a run, by the correctness of their exposure.
+/// Numbers of frames of a run, by the correctness of the reported exposure.
 #[derive(Debug, Default)]
 struct Tally {
     frames: usize,
@@ -158,7 +158,7 @@ fn a_control_that_cannot_be_switched_off_is_named() {
     assert_eq!((refused[0].asked.as_str(), refused[0].got.as_str()), ("Sharpness = 0", "2"), "by name");
 }
 
-/// The sensor exposes 1.0, 3.9 and 31.2 ms for requests of 0.9, 5.5 and 33.3 ms.
+/// For requests of 0.9, 5.5 and 33.3 ms, the sensor exposes for 1.0, 3.9 and 31.2 ms.
 #[test]
 fn exposures_that_differ_from_the_control_are_measured() {
     let really = Some(vec![5, 10, 20, 39, 78, 156, 312, 625]);
@@ -239,7 +239,7 @@ fn the_frame_rate_shows_mains_light_at_differing_phases_where_the_driver_sets_it
     let named: f64 = 1.0 / uvc(takes(), Options { spreads_phases: false, ..options() });
     assert!((named - 30.0).abs() < 0.01, "a rate that was named: {named}");
     assert_eq!(uvc(Vec::new(), options()), 0.04, "a driver of one rate");
-    // Lines of 100 us.
+    // The sensor's lines take 100 us.
     let sensor =
         period(Vec::new(), Options { exposures_s: vec![0.001, 0.002], ..options() }, Kind::Csi, vec!["BA81"]);
     assert!((sensor - 0.04).abs() < 1e-9, "the sensor's frames are as long as the rate says: {sensor}");

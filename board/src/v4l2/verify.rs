@@ -13,23 +13,25 @@ use std::collections::VecDeque;
 /// Range of relative codes that are compared: noise and the black level dominate below it, tone compression begins above it.
 const TRUSTED: std::ops::Range<f32> = 0.05..0.93;
 
-/// Least number of compared samples, of 3,072: fewer samples may all lie on a moving object.
+/// Least number of compared samples, of the 3,072 samples of a frame: fewer samples may all lie on a moving
+/// object.
 const ENOUGH: usize = 48;
 
-/// Largest distance of the two frames, in frames: light and objects move in the meantime.
+/// Largest distance of two frames that are compared, in frames: light and objects move in the meantime.
 const NEIGHBOURS: u32 = 4;
 
 /// Largest distance, in frames, of a frame from an older certain frame with which it is also compared.
 const REACH: u32 = 6;
 
-/// Number of stored certain frames.
+/// Number of stored frames whose exposure is certain.
 const ANCHORS: usize = 2;
 
-/// Number of stored comparisons, and least number of contradictions among them from which another delay is searched.
+/// Number of stored comparisons, and least number of contradictions among them from which on another control delay
+/// is searched.
 const REMEMBERED: usize = 12;
 const DISAGREEING: usize = 4;
 
-/// Number of contradictions among the stored comparisons from which no frame is certain.
+/// Number of contradictions among the stored comparisons from which on no frame counts as certain.
 const DISPUTED: usize = 3;
 
 /// Response and levels of a camera's codes.
@@ -37,13 +39,13 @@ const DISPUTED: usize = 3;
 pub struct CodeCurve {
     /// Camera response from codes to relative exposure.
     pub response: Response,
-    /// Relative code of black.
+    /// Relative code of black, 0 to 1.
     pub black: f64,
     /// Relative code of relative exposure 1.
     pub white: f64,
 }
 
-/// Comparison of each frame with the frame before it.
+/// Comparison of the brightness of each frame with that of the frame before.
 #[derive(Debug)]
 pub struct Verifier {
     levels: CodeCurve,
@@ -52,8 +54,8 @@ pub struct Verifier {
     codes: Vec<f32>,
     ratios: Vec<f32>,
     seen: VecDeque<FramePair>,
-    /// The newest frames with certain exposures. With equal steps between the exposures, a shift by one exposure leaves the ratio to the
-    /// frame before unchanged; the ratio to an older frame reveals the shift.
+    /// The newest frames with certain exposures. With equal steps between the exposures, a prediction that is wrong by one exposure
+    /// leaves the ratio to the frame before unchanged; the ratio to an older frame reveals the error.
     anchors: VecDeque<Anchor>,
 }
 
@@ -71,12 +73,12 @@ struct FramePair {
     before: u32,
     /// Sequence number of the newer frame.
     after: u32,
-    /// Natural logarithm of the ratio of newer to older.
+    /// Natural logarithm of the brightness ratio of the newer frame to the older one.
     log_ratio: f64,
 }
 
 impl Verifier {
-    /// Creates a comparison for frames with exposures of `seconds`.
+    /// Creates the comparison for a burst whose exposure times are `seconds`.
     #[must_use]
     pub fn new(levels: CodeCurve, seconds: &[f64]) -> Self {
         Self {
@@ -90,12 +92,13 @@ impl Verifier {
         }
     }
 
-    /// Compares frame `sequence`, whose samples are `codes`, with the frame before; swaps the older samples into `codes`.
+    /// Compares frame `sequence`, whose brightness samples are `codes`, with the frame before; stores `codes` and returns
+    /// the older samples in it.
     pub fn compare(&mut self, sequence: u32, codes: &mut Vec<f32>, schedule: &Schedule) -> Verdict {
         let near = self.before.filter(|b| sequence.wrapping_sub(*b) <= NEIGHBOURS);
         let ratio = near.and_then(|_| log_ratio(self.levels, &mut self.ratios, &self.codes, codes));
         if near.is_some() && schedule.exposure_of(sequence).is_none() {
-            // The stored frame stays: its exposure is predicted, and the next frame is compared with it.
+            // The frame before stays stored: its exposure is predicted, and the next frame is compared with it.
             return Verdict::CannotTell;
         }
         std::mem::swap(&mut self.codes, codes);
@@ -132,7 +135,7 @@ impl Verifier {
         pair.is_some_and(|pair| self.judge(pair, schedule, schedule.delay()) == Verdict::Differs)
     }
 
-    /// Stores the frame of `codes` as certain.
+    /// Stores frame `sequence` and its brightness samples as a frame with a certain exposure.
     fn anchor(&mut self, sequence: u32) {
         let mut anchor =
             if self.anchors.len() < ANCHORS { None } else { self.anchors.pop_front() }.unwrap_or_default();
@@ -141,13 +144,13 @@ impl Verifier {
         self.anchors.push_back(anchor);
     }
 
-    /// Returns the exposures measured from the ratios.
+    /// Returns the exposure times that were measured from the ratios.
     #[must_use]
     pub fn measured(&self) -> &MeasuredRatios {
         &self.measured
     }
 
-    /// Returns the delay that explains the recent ratios, if the current delay does not.
+    /// Returns the control delay that explains the recent ratios; `None` if the current delay does.
     pub fn better_delay(&mut self, schedule: &Schedule) -> Option<u32> {
         let count = |delay: u32, counted: &dyn Fn(Verdict) -> bool| {
             self.seen.iter().filter(|s| counted(self.judge(**s, schedule, delay))).count()
@@ -166,7 +169,8 @@ impl Verifier {
         Some(best)
     }
 
-    /// Returns whether several of the recent ratios contradict the schedule: an agreement may then be by chance.
+    /// Returns whether several of the recent ratios contradict the schedule: another ratio may then agree by
+    /// chance.
     fn is_disputed(&self, schedule: &Schedule) -> bool {
         let differs = |s: &&FramePair| self.judge(**s, schedule, schedule.delay()) == Verdict::Differs;
         self.seen.iter().filter(differs).count() >= DISPUTED
@@ -181,7 +185,8 @@ impl Verifier {
     }
 }
 
-/// Returns the natural logarithm of the median ratio of relative exposures, newer to older; `ratios` is working memory.
+/// Returns the natural logarithm of the median ratio of relative exposures, `newer` to `older`; `ratios` is working
+/// memory.
 fn log_ratio(levels: CodeCurve, ratios: &mut Vec<f32>, older: &[f32], newer: &[f32]) -> Option<f64> {
     let CodeCurve { response, black, white } = levels;
     let relative = |code: f32| ((f64::from(code) - black) / (white - black)) as f32;

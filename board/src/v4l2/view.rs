@@ -19,13 +19,13 @@ pub struct View {
     pub crop: [u32; 4],
     /// Columns and rows of the sensor's active area.
     pub whole: [u32; 2],
-    /// Sensor pixels that are combined into one pixel of the picture, across and down.
+    /// Number of sensor pixels that are combined into one pixel of the picture, across and down.
     pub binning: [u32; 2],
 }
 
 impl View {
-    /// Returns the view of pictures of `size` from the rectangles of the covered part and of the active area; `None` if they are
-    /// inconsistent.
+    /// Returns the view of pictures of `size`, from `shown`, the rectangle that they cover, and `bounds`, that of the active
+    /// area; `None` if the rectangles are inconsistent.
     #[must_use]
     pub fn of(size: Size, shown: [u32; 4], bounds: [u32; 4]) -> Option<Self> {
         let [x, y, width, height] = shown;
@@ -37,13 +37,13 @@ impl View {
         fits.then_some(Self { crop, whole: [columns, rows], binning })
     }
 
-    /// Returns the view without the size of the active area.
+    /// Returns the covered part of the sensor, without the size of the active area.
     #[must_use]
     pub const fn shown(&self) -> Shown {
         Shown { crop: self.crop, binning: self.binning }
     }
 
-    /// Returns the share of the active area that pictures cover, 0 to 1.
+    /// Returns the fraction of the sensor's active area that pictures cover, 0 to 1.
     #[must_use]
     pub fn share(&self) -> f64 {
         let area = |w: u32, h: u32| f64::from(w) * f64::from(h);
@@ -59,7 +59,8 @@ impl std::fmt::Display for View {
     }
 }
 
-/// Returns the nearest integer ratio of covered sensor pixels to picture pixels.
+/// Returns the integer ratio of `shown` covered sensor pixels to `pixels` picture pixels; `None` if it is not
+/// between 1 and 64.
 fn rounded(shown: u32, pixels: u32) -> Option<u32> {
     let ratio = (f64::from(shown) / f64::from(pixels.max(1))).round();
     (pixels > 0 && (1.0..=64.0).contains(&ratio)).then_some(ratio as u32)
@@ -105,7 +106,7 @@ const MODES: [Mode; 25] = [
     mode("ov9281", [1280, 720], [1280, 720]),
 ];
 
-/// Returns the view of a mode from the table.
+/// Returns the view of the sensor's mode of `size` in the table of modes.
 #[must_use]
 pub fn known(sensor: &Sensor, size: Size) -> Option<View> {
     let mut modes = MODES.iter().filter(|m| m.sensor == sensor.name);

@@ -5,7 +5,7 @@ use crate::v4l2::abi;
 use hemilux_core::format::Format;
 use rustix::io::Errno;
 
-/// Largest number of stored writes.
+/// Largest number of control writes that the simulated camera stores.
 const MOST_WRITTEN: usize = 10_000;
 
 impl World {
@@ -49,7 +49,7 @@ impl World {
         Ok(())
     }
 
-    /// Reads a control.
+    /// Returns the value of control `id` of the simulated camera.
     pub(super) fn read(&self, id: u32) -> Result<i64, Errno> {
         let value = *self.controls.get(&id).ok_or(Errno::INVAL)?;
         if id != self.knob() {
@@ -78,7 +78,7 @@ impl World {
         self.writes = vec![(0, 156)];
     }
 
-    /// Returns the range of a control that this kind of camera has.
+    /// Returns the range of control `id` if this kind of camera has it.
     fn range(&self, id: u32) -> Option<(i64, i64)> {
         let csi = self.script.kind == Kind::Csi;
         match id {
@@ -112,7 +112,7 @@ impl World {
         let kind = match id {
             abi::EXPOSURE_AUTO => abi::TYPE_MENU,
             abi::PIXEL_RATE => abi::TYPE_INTEGER64,
-            // A control type that the program does not support.
+            // This number is a control type that the program does not support.
             abi::HBLANK => 0x7777,
             _ => abi::TYPE_INTEGER,
         };
@@ -130,7 +130,7 @@ impl World {
     pub(super) fn expose(&self, value: i64) -> Vec<u8> {
         let layout = self.layout();
         let (width, most) = (layout.width(), f64::from(layout.format().max_code()));
-        // A line takes 100 us, the unit of UVC.
+        // A line of the sensor takes 100 us, which is also the unit of UVC.
         let seconds = value as f64 * 1e-4;
         let code = |x: u32, top: f64| {
             let radiance = self.script.light * 10f64.powf(3.0 * (f64::from(x) / f64::from(width) - 1.0));
@@ -169,10 +169,10 @@ fn jpeg(rgb: &[u8], width: u32, height: u32) -> Vec<u8> {
     bytes
 }
 
-/// Cb and Cr of the whole picture, a warm colour.
+/// Cb and Cr of every pixel of the picture, a warm colour.
 const CHROMA: [u8; 2] = [100, 150];
 
-/// Packs four pixels of ten bits.
+/// Packs four pixels of ten bits into five bytes.
 fn four(code: impl Fn(u32) -> u16) -> [u8; 5] {
     let [a, b, c, d] = [0, 1, 2, 3].map(code);
     let low = [a, b, c, d].iter().rev().fold(0, |low, v| low << 2 | (*v & 3) as u8);

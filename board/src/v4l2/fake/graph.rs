@@ -21,7 +21,7 @@ pub struct Mode {
     pub crop: [u32; 4],
 }
 
-/// Reaction of a pad that does not accept formats.
+/// Reaction of a pad of a scripted media device that does not accept formats.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PadFault {
     /// The pad keeps a size of 640 x 480.
@@ -32,7 +32,7 @@ pub enum PadFault {
     Refused,
 }
 
-/// A media device.
+/// A scripted media device.
 #[derive(Clone, Debug)]
 pub struct Described {
     /// Lines `NAME:PAD -> NAME:PAD [FLAGS]`, flags `on` and `fixed`.
@@ -61,7 +61,7 @@ struct FakeLink {
     flags: u32,
 }
 
-/// A described device and its state.
+/// A scripted media device with its present links, formats and routes.
 #[derive(Clone, Debug)]
 pub struct Board {
     pub described: Described,
@@ -112,7 +112,7 @@ impl Board {
         Self { described, names, links, pads }
     }
 
-    /// Returns the flags of all links and the formats of all pads, for comparison.
+    /// Returns the flags of all links and the formats of all pads of the media device, for comparison.
     pub fn state(&self) -> (Vec<u32>, Vec<(u32, u32, u32)>) {
         let pads = self.pads.values().map(|p| (p.code, p.width, p.height));
         (self.links.iter().map(|l| l.flags).collect(), pads.collect())
@@ -122,7 +122,7 @@ impl Board {
         Device { major: MAJOR, minor: self.described.first_node + entity as u32 }
     }
 
-    /// Returns the entity of a node.
+    /// Returns the entity of the media device whose node is `device`.
     pub fn entity(&self, device: Device) -> Option<usize> {
         (0..self.names.len()).find(|at| self.device(*at) == device)
     }
@@ -146,7 +146,7 @@ impl Board {
         is_sensor(&self.names[entity])
     }
 
-    /// Returns whether an entity delivers pictures; nodes of embedded data and statistics do not.
+    /// Returns whether the node of `entity` delivers pictures; nodes of embedded data and statistics do not.
     pub fn gives_pictures(&self, entity: usize) -> bool {
         self.is_node(entity) && !self.names[entity].contains("embedded")
     }
@@ -224,7 +224,7 @@ impl Board {
         format!("{}:{pad}", self.names[entity])
     }
 
-    /// Returns the fault of a pad.
+    /// Returns the scripted fault of a pad.
     pub fn fault_of(&self, pad: (usize, u32)) -> Option<PadFault> {
         self.described.fault.filter(|(name, _)| *name == self.name(pad)).map(|(_, fault)| fault)
     }
@@ -234,7 +234,8 @@ impl Board {
         self.described.routes.clone().unwrap_or_else(|| self.described.inner.clone())
     }
 
-    /// Returns whether a pad has a stream: in drivers with streams, source pads have one if a route leads to them.
+    /// Returns whether a stream passes a pad: in drivers with streams, source pads have one if a route leads to
+    /// them.
     fn is_routed(&self, (entity, pad): (usize, u32)) -> bool {
         let is_source = self.links.iter().any(|l| l.source == (entity, pad));
         let has_routes = self.described.routes.is_some() && self.names[entity] == "csi2";
@@ -253,7 +254,7 @@ impl Board {
         Ok(())
     }
 
-    /// Sets the routes; all formats of the entity are reset, as in the kernel.
+    /// Sets the routes of an entity; all formats of the entity are reset, as in the kernel.
     pub fn set_routes(&mut self, entity: usize, routes: &mut [PadRoute]) -> Result<(), Errno> {
         let mut present = Vec::new();
         self.get_routes(entity, &mut present)?;
@@ -288,7 +289,7 @@ impl Board {
         }
         let is_source = self.links.iter().any(|l| l.source == pad);
         if self.is_sensor(entity) {
-            // The pad of embedded data follows that of the picture.
+            // The format of the pad of embedded data follows that of the picture's pad.
             if format.pad > 0 {
                 return self.get_pad(entity, format);
             }

@@ -21,13 +21,13 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
-/// Duration of every request and of every successful wait, nanoseconds.
+/// Duration of every request to the scripted kernel and of every successful wait, nanoseconds.
 const CALL_NS: u64 = 20_000;
 
-/// Padding bytes at the end of each row.
+/// Number of padding bytes at the end of each row of a picture.
 const PADDING: usize = 16;
 
-/// A filled buffer.
+/// A filled buffer of the simulated camera.
 struct Done {
     buffer: abi::Buffer,
     picture: Vec<u8>,
@@ -43,12 +43,12 @@ pub struct World {
     pub now_ns: u64,
     /// Number of frames since the camera was plugged in, without the time of disconnections.
     pub total: u64,
-    /// True exposure of each frame of the present stream.
+    /// True exposure, as a control value, of each frame of the present stream, by sequence number.
     pub truth: HashMap<u32, i64>,
-    /// Number of open nodes and mappings.
+    /// Number of open nodes and mappings of the scripted kernel.
     pub open: usize,
     pub mapped: usize,
-    /// Number of successful opens.
+    /// Number of successful openings of nodes.
     pub opened: usize,
     pub gone_until_ns: u64,
     /// Values written to VBLANK and EXPOSURE, in order.
@@ -63,18 +63,18 @@ pub struct World {
     events: u32,
     always: Option<Fault>,
     calls: u32,
-    /// Value of the exposure control before the last write.
+    /// Value of the exposure control before the last write of it.
     old_value: i64,
     /// Numbers of attempts to start the stream and to fetch a frame.
     starts: u32,
     fetched: u32,
     /// Control value of the frame that was fetched last.
     pub last_fetched: Option<i64>,
-    /// Picture of the frame before.
+    /// Picture of the previous frame.
     shown: Vec<u8>,
     pub tried: u32,
     random: u64,
-    /// Number of disconnections.
+    /// Number of disconnections of the simulated camera.
     pub generation: u32,
 }
 
@@ -130,7 +130,7 @@ impl FakeKernel {
         })))
     }
 
-    /// Returns the numbers of open nodes and mappings.
+    /// Returns the number of open nodes and the number of mappings.
     pub fn held(&self) -> (usize, usize) {
         let world = self.world();
         (world.open, world.mapped)
@@ -151,7 +151,7 @@ impl World {
         }
     }
 
-    /// Returns the value of a control.
+    /// Returns the value of control `id`.
     pub fn control(&self, id: u32) -> i64 {
         self.controls[&id]
     }
@@ -160,7 +160,7 @@ impl World {
         self.script.quirks.contains(&quirk)
     }
 
-    /// Returns the exposure that the sensor uses for a control value.
+    /// Returns the exposure that the sensor uses for the control value `value`.
     pub fn really(&self, value: i64) -> i64 {
         if self.has(Quirk::Inverted) {
             return self.script.range.1 / value.max(1);
@@ -169,7 +169,7 @@ impl World {
         all.copied().min_by_key(|v| (v - value).abs()).unwrap_or(value)
     }
 
-    /// Returns the FourCC of the first offered format.
+    /// Returns the FourCC of the first format that the camera offers.
     fn fourcc(&self) -> [u8; 4] {
         self.script.formats[0].as_bytes().try_into().expect("four characters")
     }
@@ -183,7 +183,7 @@ impl World {
         Format::from_fourcc(self.fourcc(), yuv).expect("a format that is read")
     }
 
-    /// Returns whether the frames are JPEG.
+    /// Returns whether the camera's frames are JPEG.
     fn is_jpeg(&self) -> bool {
         self.fourcc() == *b"MJPG"
     }
@@ -193,7 +193,7 @@ impl World {
         self.format().line_bytes(self.script.size.0) + padding
     }
 
-    /// Returns the layout of the pictures.
+    /// Returns the layout of the camera's pictures.
     fn layout(&self) -> Layout {
         let (width, height) = self.script.size;
         Layout::try_new(self.format(), width, height, self.bytes_per_line()).expect("a size that suits it")
@@ -210,7 +210,8 @@ impl World {
         (self.random >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// Advances the clock by one request; some requests are interrupted.
+    /// Advances the simulated clock by the duration of a request; returns EINTR for the requests that the
+    /// script interrupts.
     fn pass_call(&mut self) -> Result<(), Errno> {
         self.keep_time();
         if !self.script.real_time {

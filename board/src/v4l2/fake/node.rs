@@ -7,7 +7,7 @@ use rustix::io::Errno;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// Kinds of nodes.
+/// Kinds of nodes of the scripted kernel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Role {
     /// A node of a camera without a media graph.
@@ -20,7 +20,7 @@ pub(super) enum Role {
 
 pub(super) struct FakeNode {
     pub(super) world: Arc<Mutex<World>>,
-    /// Content of each buffer that the driver does not own.
+    /// Content of each buffer; `None` while the driver owns the buffer.
     contents: Vec<Option<Vec<u8>>>,
     generation: u32,
     role: Role,

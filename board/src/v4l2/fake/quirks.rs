@@ -33,7 +33,7 @@ impl World {
         is_lost
     }
 
-    /// Applies the quirks of frames.
+    /// Applies the quirks of a filled frame.
     pub(super) fn spoil_frame(
         &mut self,
         value: i64,

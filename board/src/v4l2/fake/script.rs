@@ -3,10 +3,10 @@
 use super::graph::Described;
 use std::time::Duration;
 
-/// The fault of a frame.
+/// The fault of a frame of the scripted camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
-    /// The camera is disconnected for this duration.
+    /// The camera is disconnected for this duration, from this frame on.
     Disconnect(Duration),
     /// The frame has too few bytes.
     Short,
@@ -22,7 +22,7 @@ pub enum Fault {
     AllEmpty,
     /// The frame has the error flag.
     Error,
-    /// No frames arrive for this duration.
+    /// No frames arrive for this duration, from this frame on.
     Stall(Duration),
     /// From this frame on, the control delay is this number of frames.
     Delay(u32),
@@ -39,11 +39,11 @@ pub enum Kind {
     Uvc,
     /// Exposure in lines on a sub-device.
     Csi,
-    /// Brightness control only.
+    /// Exposure in units of 100 us, and a menu of exposure modes with missing indices.
     NoExposure,
 }
 
-/// Reaction of a camera to an exposure that is not in its list.
+/// A brightness control, but no exposure control.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Manner {
     Refuses,
@@ -51,7 +51,8 @@ pub enum Manner {
     RoundsDown,
 }
 
-/// A behaviour of some cameras that contradicts the documentation of V4L2 or the values of the driver.
+/// A behaviour of some cameras that contradicts the documentation of V4L2 or the values that their drivers
+/// report.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Quirk {
     /// The exposure control reads as this value, whatever was written.
@@ -68,25 +69,25 @@ pub enum Quirk {
     SlowWrites(Duration),
     /// One of this number of exposure writes has no effect while streaming.
     Forgets(u32),
-    /// The control delay is one frame longer for every second write, in random order.
+    /// The control delay is one frame longer for a write with a probability of one half.
     Jitters,
-    /// From this write of the exposure on, the exposure mode is automatic again.
+    /// From the write of the exposure with this number on, the exposure mode is automatic again.
     AutomaticAgain(u32),
     /// Frames report more bytes than the buffer has.
     Oversized,
-    /// All frames have number 0.
+    /// All frames have the sequence number 0.
     Unnumbered,
-    /// The numbers of the frames rise by two.
+    /// The sequence numbers of the frames rise by two.
     EverySecond,
-    /// At every frame of this number, the numbers jump ahead by a thousand.
+    /// At every frame whose number is a multiple of this one, the sequence numbers jump ahead by a thousand.
     JumpsAhead(u32),
-    /// At every frame of this number, the numbers restart at 0.
+    /// At every frame whose number is a multiple of this one, the sequence numbers restart at 0.
     Restarts(u32),
     /// A frame takes at least twice its exposure time at every frame rate.
     Slows,
     /// This number of frames from the start of the stream are black.
     DarkStart(u32),
-    /// Every frame of this number shows the picture of the frame before it.
+    /// Every frame whose number is a multiple of this one shows the picture of the frame before.
     RepeatsPicture(u32),
     /// One of this number of requests for a frame fails with EIO.
     DequeueFails(u32),
@@ -94,7 +95,7 @@ pub enum Quirk {
     StartFails(u32),
     /// The stream fails to start this number of times with EBUSY.
     StartIsBusy(u32),
-    /// Sizes and frame rates are listed as ranges.
+    /// The driver lists frame sizes and frame rates as ranges.
     Ranges,
     /// The driver reports a frame interval of 40 ms, whatever the true one is.
     ReportsInterval,
@@ -104,53 +105,54 @@ pub enum Quirk {
     NoStride,
 }
 
-/// Properties and faults of the camera.
+/// Properties and faults of the scripted camera.
 #[derive(Clone, Debug)]
 pub struct Script {
     pub quirks: Vec<Quirk>,
     pub kind: Kind,
     /// Name of the sensor's sub-device.
     pub sensor: &'static str,
-    /// Pad formats that were requested.
+    /// Sizes of the pad formats that were requested.
     pub pads: Vec<(u32, u32)>,
-    /// Offered formats; pictures have the first one, and are empty if it is not readable.
+    /// FourCCs of the offered formats; pictures have the first one, and are empty if the program cannot read
+    /// it.
     pub formats: Vec<&'static str>,
     pub size: (u32, u32),
     pub period: Duration,
     pub delay: u32,
-    /// Share of lost frames.
+    /// Fraction of the frames that are lost, 0 to 1.
     pub loss: f64,
-    /// One of this number of requests is interrupted; 0 for none.
+    /// Interval, in requests, of the requests that are interrupted; 0 for none.
     pub interrupt: u32,
     /// Number of attempts to open the device, from the first, that fail because it is busy.
     pub busy: u32,
-    /// Range of the exposure control.
+    /// Least and largest value of the exposure control.
     pub range: (i64, i64),
     /// Radiance of the scene: at 1, a pixel at the bright end of the picture saturates in 33 ms.
     pub light: f64,
     pub faults: Vec<(u64, Fault)>,
-    /// Automatic processing and exposure are reset when the stream starts.
+    /// True if the camera resets automatic processing and exposure when the stream starts.
     pub reset_at_start: bool,
     /// Least value of the sharpness control.
     pub least_sharpness: i64,
-    /// One of this number of writes of the exposure fails while streaming; 0 for none.
+    /// Interval, in writes, of the writes of the exposure that fail while streaming; 0 for none.
     pub fail_write_every: u32,
-    /// Whether timestamps are those of the wall clock in place of the simulated clock.
+    /// Whether frame timestamps are those of the wall clock instead of the simulated clock.
     pub wall_clock: bool,
     /// Function from a frame's time to its timestamp, both in nanoseconds.
     pub stamps: Option<fn(u64) -> u64>,
-    /// Whether time passes as in reality.
+    /// Whether simulated time passes as fast as real time.
     pub real_time: bool,
-    /// Largest noise of a sample of one byte, codes in either direction.
+    /// Largest difference that noise adds to a sample of one byte, in codes, up or down.
     pub noise: u32,
-    /// Probability of each fault at a frame.
+    /// Probability of each random fault at a frame, 0 to 1.
     pub chance: f64,
-    /// List of accepted exposures, and the reaction to others.
+    /// List of the exposures that the camera accepts; `None` for all. `manner` is the reaction to others.
     pub accepts: Option<Vec<i64>>,
     pub manner: Manner,
-    /// Exposures that the sensor uses; the control reads back the written value.
+    /// Exposures that the sensor uses for a written value, although the control reads back that value.
     pub really: Option<Vec<i64>>,
-    /// Media devices.
+    /// Media devices of the scripted kernel.
     pub graphs: Vec<Described>,
 }
 

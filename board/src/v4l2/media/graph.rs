@@ -38,7 +38,7 @@ pub struct Entity {
     pub id: u32,
     /// Name of the entity.
     pub name: String,
-    /// Function of the entity, `MEDIA_ENT_F_...`.
+    /// Function of the entity, a constant `MEDIA_ENT_F_...` of the kernel.
     pub function: u32,
     /// Device node of the entity, if it has one.
     pub device: Option<Device>,
@@ -61,7 +61,7 @@ impl Entity {
 /// A pad of an entity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Pad {
-    /// Index into the entities of the graph.
+    /// Index of the entity of the pad among the entities of the graph.
     pub entity: usize,
     /// Number of the pad in its entity.
     pub index: u32,
@@ -90,7 +90,7 @@ pub struct Graph {
 }
 
 impl Graph {
-    /// Builds the graph from a driver's answer.
+    /// Builds the graph from the entries that a driver returned.
     #[must_use]
     pub fn of(topology: &Topology) -> Self {
         let mut graph = Self::default();
@@ -130,7 +130,7 @@ impl Graph {
         }
     }
 
-    /// Returns the indices of the sensors.
+    /// Returns the indices of the sensors among the graph's entities.
     pub fn sensors(&self) -> impl Iterator<Item = usize> {
         let is_sensor = |at: &usize| self.entities.get(*at).is_some_and(Entity::is_sensor);
         (0..self.entities.len()).filter(is_sensor)

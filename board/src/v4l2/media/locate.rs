@@ -12,14 +12,14 @@ pub(in crate::v4l2) struct Located {
     /// Path of the media device.
     pub path: PathBuf,
     pub graph: Graph,
-    /// Index of the sensor's entity.
+    /// Index of the sensor among the entities of the media device's graph.
     pub sensor: usize,
     /// Routes from the sensor to capture nodes, at least one, the best first.
     pub routes: Vec<Route>,
 }
 
 impl Located {
-    /// Returns the sensor's name.
+    /// Returns the name of the sensor's entity.
     pub fn sensor_name(&self) -> &str {
         self.graph.entities.get(self.sensor).map_or("", |e| &e.name)
     }
@@ -36,20 +36,21 @@ impl Located {
     }
 }
 
-/// Form of a camera's name in the options.
+/// The way in which the options name a camera.
 enum Named<'a> {
-    /// Device number of the capture node.
+    /// By the device number of its capture node.
     Node(Device),
-    /// Path of the media device.
+    /// By the path of its media device.
     Media(&'a Path),
-    /// Prefix of the sensor's name.
+    /// By a prefix of its sensor's name.
     Sensor(&'a str),
 }
 
 /// Finds the camera of `options`, if it belongs to a media graph with a sensor.
 ///
 /// # Errors
-/// [`CameraError`] if several sensors match, or none matches and the name is not that of a separate node.
+/// [`CameraError`] if several sensors match, or if none matches and no capture node outside of media graphs has
+/// the name.
 pub(in crate::v4l2) fn locate(
     kernel: &mut dyn Kernel,
     options: &Options,
@@ -135,7 +136,7 @@ fn read(node: &mut dyn Node, path: &Path) -> Result<Graph, CameraError> {
     Ok(Graph::of(&topology))
 }
 
-/// Returns the entities whose nodes capture streams.
+/// Returns the indices of the entities of a graph whose nodes capture streams.
 fn capturing(kernel: &mut dyn Kernel, graph: &Graph) -> Vec<usize> {
     let mut found = Vec::new();
     for (at, entity) in graph.entities.iter().enumerate().filter(|(_, e)| e.is_video()) {

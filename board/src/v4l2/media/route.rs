@@ -5,7 +5,8 @@ use super::graph::{Graph, Link, Pad};
 /// Largest number of links of a route.
 const MOST_LINKS: usize = 8;
 
-/// Largest number of links that a search follows, which bounds the search in a graph that branches at each entity.
+/// Largest number of links that a search for routes follows in all, which bounds the search in a graph that
+/// branches at each entity.
 const MOST_STEPS: usize = 20_000;
 
 /// Largest number of links that branch off a route.
@@ -17,7 +18,7 @@ const MOST_ROUTES: usize = 32;
 /// A route from a sensor to a capture node.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Route {
-    /// Indices into the links of the graph, from the sensor on; at least one.
+    /// Indices of the links of the route among those of the graph, from the sensor on; at least one.
     pub links: Vec<usize>,
 }
 
@@ -54,8 +55,8 @@ impl Route {
         (0..graph.links.len()).filter(is_rival).collect()
     }
 
-    /// Returns the indices of the enabled links that branch off the route, the nearest first. If they cannot be disabled, a stream starts
-    /// only if the formats at their ends agree too.
+    /// Returns the indices of the enabled links that branch off the route, the nearest to the sensor first. If such a link cannot be
+    /// disabled, a stream starts only if the formats at both ends of the link agree.
     #[must_use]
     pub fn branches(&self, graph: &Graph) -> Vec<usize> {
         let mut found: Vec<usize> = Vec::new();
@@ -76,7 +77,7 @@ impl Route {
         }
     }
 
-    /// Returns the indices of the links that must be enabled.
+    /// Returns the indices of the links of the route that are disabled and must be enabled.
     #[must_use]
     pub fn missing(&self, graph: &Graph) -> Vec<usize> {
         let is_off = |at: &usize| graph.links.get(*at).is_some_and(|link| !link.enabled);
@@ -84,7 +85,8 @@ impl Route {
     }
 }
 
-/// Returns all routes from `sensor` to entities for which `ends` is true, sorted by length, then by pad numbers.
+/// Returns all routes of `graph` from `sensor` to entities for which `ends` is true, sorted by length, then by
+/// pad numbers.
 #[must_use]
 pub fn routes(graph: &Graph, sensor: usize, ends: &dyn Fn(usize) -> bool) -> Vec<Route> {
     let mut search = Search { graph, ends, steps: 0, path: Vec::new(), found: Vec::new() };

@@ -37,7 +37,7 @@ const MAINLINE: &str = "\
     csi2:2 -> rp1-cfe-csi2-ch1:0 []
     pisp-fe:2 -> rp1-cfe-fe-image0:0 [on]";
 
-/// Returns the modes of imx219 from its driver.
+/// Returns the modes that the driver of the sensor imx219 lists.
 fn modes() -> Vec<Mode> {
     vec![
         Mode { size: (3280, 2464), crop: [8, 8, 3280, 2464] },
@@ -76,7 +76,7 @@ fn options(path: &str) -> Options {
     Options { exposures_s: vec![0.001, 0.006, 0.036], ..Options::of(path) }
 }
 
-/// Fetches frames and returns the camera and the size of its frames.
+/// Streams from the camera of `options` and returns the camera and the size of its frames.
 fn stream(kernel: &mut FakeKernel, options: &Options) -> (Camera, (u32, u32)) {
     let mut camera = Camera::open(kernel, options).expect("a camera");
     let (mut frame, mut frames) = (RawFrame::default(), 0);
@@ -118,8 +118,8 @@ fn the_links_of_the_vendors_receiver_are_switched_and_embedded_data_matches() {
     assert_eq!(on, [true, true, false, true, false, false, true], "ch0 alone waits for buffers");
 }
 
-/// Each pad of each graph keeps its size, keeps its code or refuses formats: a pad of the route is named in the error, a pad outside of the route
-/// has no effect.
+/// In each graph, each pad in turn keeps its size, keeps its code or refuses formats: a pad of the route is named in the error, a pad outside of
+/// the route has no effect.
 #[test]
 fn a_wrong_pad_is_named_with_the_expected_format() {
     for (links, on_route) in [
@@ -385,7 +385,7 @@ fn the_search_is_bounded_in_a_graph_with_many_branches() {
     assert!(found.len() <= 32 && began.elapsed() < Duration::from_secs(1), "{} routes", found.len());
 }
 
-/// An empty media device is reported as no camera.
+/// The test has a media device without entities, for which no camera is reported.
 #[test]
 fn a_node_without_a_media_graph_is_opened_directly() {
     let mut kernel = FakeKernel::new(Script::default());

@@ -14,16 +14,16 @@ use crate::v4l2::{Call, CameraError, Kernel, Node, persist};
 use routing::RoutesBefore;
 use std::path::PathBuf;
 
-/// Largest number of formats that are read from a node.
+/// Largest number of pixel formats that are read from a node.
 const MOST_FORMATS: u32 = 64;
 
-/// Former state of a link.
+/// A link and whether it was enabled before the change.
 #[derive(Clone, Copy, Debug)]
 struct Before {
     setup: abi::LinkSetup,
 }
 
-/// Former format of a pad.
+/// A pad and its format before the change.
 struct PadBefore {
     pad: Pad,
     format: PadFormat,
@@ -46,7 +46,7 @@ pub(in crate::v4l2) struct Wiring {
     links: Vec<Before>,
     pads: Vec<PadBefore>,
     routes: Vec<RoutesBefore>,
-    /// Links that branch off the route.
+    /// Links that branch off the route and cannot be disabled.
     branches: Vec<Link>,
     /// The capture nodes at the end of the route and of its branches, with their formats.
     videos: Vec<Video>,
@@ -60,10 +60,10 @@ struct Video {
 }
 
 impl Wiring {
-    /// Sets the links of a route: disables the links that compete with it and enables the links of the route.
+    /// Sets the links for a route: disables the links that compete with the route and enables its own links.
     ///
     /// # Errors
-    /// [`CameraError`] that names the link; the changes so far are restored.
+    /// [`CameraError`] that names the link that could not be set; the changes so far are restored.
     pub fn new(kernel: &mut dyn Kernel, located: &Located, route: &Route) -> Result<Self, CameraError> {
         let Located { path, graph, sensor, .. } = located;
         let media = access::open(kernel, path)?;
@@ -113,7 +113,7 @@ impl Wiring {
         }
     }
 
-    /// Stores `video` and its present format for restoration.
+    /// Stores the node `video` and its present format, which is restored on drop.
     pub fn keep(&mut self, video: Box<dyn Node>) {
         self.keep_of(None, video);
     }
@@ -125,7 +125,8 @@ impl Wiring {
         }
     }
 
-    /// Sets the entities at the ends of the branches to the formats of their links, if they accept these.
+    /// Sets the entities at the ends of the branches to the formats of the branching links, if the entities
+    /// accept them.
     fn set_branches(&mut self) {
         for link in self.branches.clone() {
             let Some(format) = self.get(link.source) else { continue };
@@ -143,10 +144,11 @@ impl Wiring {
         bus::ranked(&self.offered(link))
     }
 
-    /// Sets the format of each pad of the route, from the sensor on, and returns the format at the node.
+    /// Sets the format of each pad of the route, from the sensor on, and returns the format at the capture
+    /// node.
     ///
     /// # Errors
-    /// [`CameraError`] that names the pad.
+    /// [`CameraError`] that names the pad that did not accept the format.
     pub fn set_formats(&mut self, code: u32, size: Size) -> Result<PadFormat, CameraError> {
         let Some(first) = self.first() else { return Err(self.unfit("the graph", "no link", "a route")) };
         let wished = PadFormat { code, width: size.width, height: size.height, ..Default::default() };
@@ -175,7 +177,7 @@ impl Wiring {
         Ok(carried)
     }
 
-    /// Returns whether a pad lists the size of `format`.
+    /// Returns whether a pad lists the frame size of `format`.
     fn has_size(&mut self, pad: Pad, format: &PadFormat) -> bool {
         let Some(node) = self.node(pad) else { return false };
         let mut sizes = (0..MOST_FORMATS).map_while(|index| {
@@ -208,7 +210,8 @@ impl Wiring {
         Ok(())
     }
 
-    /// Returns the code in which a bridge's source pad forwards `code`: `code` itself if the pad supports it, else the best readable one.
+    /// Returns the media bus code in which a bridge's source pad forwards samples of `code`: `code` itself if the pad supports it, else
+    /// the best readable one.
     fn passed_on(&mut self, pad: Pad, code: u32) -> u32 {
         let offered = self.offered(pad);
         if offered.is_empty() || offered.contains(&code) {
@@ -243,7 +246,7 @@ impl Wiring {
         Ok(format)
     }
 
-    /// Sets a pad's format; an error if the driver changes it.
+    /// Sets the format of a pad; returns an error if the driver changes the format.
     fn set_exactly(&mut self, pad: Pad, format: PadFormat) -> Result<PadFormat, CameraError> {
         let got = self.set(pad, format)?;
         let same = (got.code, got.width, got.height) == (format.code, format.width, format.height);
@@ -259,7 +262,7 @@ impl Wiring {
         CameraError::Unfit { path, found: found.into(), expected: expected.into() }
     }
 
-    /// Enables or disables the link with index `at`.
+    /// Enables or disables the link whose index in the graph is `at`.
     fn switch(&mut self, at: usize, on: bool) -> Result<(), CameraError> {
         let Some(link) = self.graph.links.get(at).copied() else { return Ok(()) };
         let end = |pad: Pad, flags| abi::LinkEnd {
@@ -285,7 +288,7 @@ impl Wiring {
         Ok(())
     }
 
-    /// Stores the formats of all pads that may be changed, from the sensor on.
+    /// Stores the formats of all pads whose formats may be changed, from the sensor on.
     fn note_pads(&mut self) {
         let on_route: Vec<usize> = self.subdevices.iter().map(|open| open.entity).collect();
         let linked = self.graph.links.iter().filter(|l| on_route.contains(&l.source.entity));
@@ -319,7 +322,7 @@ impl Drop for Wiring {
     }
 }
 
-/// Sets a node that does not stream to the format of its pad.
+/// Sets a capture node that does not stream to `format`, the format of the pad at its link.
 fn set_video(node: &mut dyn Node, format: &PadFormat) {
     let mut fourccs = (0..MOST_FORMATS).map_while(|index| {
         let mut d = FormatDescription { index, mbus_code: format.code, ..Default::default() };

@@ -1,13 +1,13 @@
 //! Routes through the entities of a graph whose drivers have streams: without an active route from sink pad to source pad, no frame passes.
 //!
-//! Drivers without streams have no routes, and their requests fail.
+//! Drivers without streams have no routes, and requests for routes fail.
 
 use super::super::graph::{Link, Pad};
 use super::Wiring;
 use crate::v4l2::abi::{PadRoute, ROUTE_ACTIVE};
 use crate::v4l2::{Call, CameraError, persist};
 
-/// Former routes of an entity.
+/// The routes of an entity before the change.
 pub(super) struct RoutesBefore {
     pad: Pad,
     routes: Vec<PadRoute>,
@@ -23,7 +23,7 @@ impl Wiring {
     /// Activates a route through each entity between the sensor and the node.
     ///
     /// # Errors
-    /// [`CameraError`] that names the pad where the stream enters.
+    /// [`CameraError`] that names the pad through which the stream enters the entity without a route.
     pub(super) fn set_routes(&mut self) -> Result<(), CameraError> {
         let links: Vec<Link> = self.route.links(&self.graph).copied().collect();
         for pair in links.windows(2) {
@@ -71,7 +71,7 @@ impl Wiring {
         Err(self.unfit(&format!("pad {from}"), &found, "an active route between these pads"))
     }
 
-    /// Sets the former routes again, which resets the formats of the pads.
+    /// Sets the routes of each entity that were active before the change, which resets the formats of the pads.
     pub(super) fn restore_routes(&mut self) {
         for RoutesBefore { pad, mut routes } in std::mem::take(&mut self.routes) {
             if let Some(node) = self.node(pad) {
