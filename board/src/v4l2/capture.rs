@@ -114,8 +114,8 @@ impl Camera {
         &self.setup.settings
     }
 
-    /// Returns the exposure times in seconds, ascending: measured values where brightness ratios contradict the control, else the control's
-    /// values.
+    /// Returns the exposure times of the burst in seconds, ascending: measured values where brightness ratios contradict the control, else
+    /// the control's values.
     #[must_use]
     pub fn seconds(&self) -> Vec<f64> {
         let deviating = self.verifier.as_ref().map(Verifier::measured);

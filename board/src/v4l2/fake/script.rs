@@ -35,15 +35,15 @@ pub enum Fault {
 /// The set of controls that the camera has.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kind {
-    /// Exposure in units of 100 us and a menu of modes with missing indices.
-    Uvc,
-    /// Exposure in lines on a sub-device.
-    Csi,
     /// Exposure in units of 100 us, and a menu of exposure modes with missing indices.
+    Uvc,
+    /// Exposure in lines of a sensor, on a sub-device.
+    Csi,
+    /// A brightness control, but no exposure control.
     NoExposure,
 }
 
-/// A brightness control, but no exposure control.
+/// Reaction of a camera to a requested exposure that is not in its list.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Manner {
     Refuses,
