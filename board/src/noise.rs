@@ -1,7 +1,7 @@
 //! The noise model of a linear sensor: read noise, gain and dark level, measured by photon transfer or assumed.
 
 /// Noise of one sample, codes: variance = `read`^2 + `gain` x (code - `dark`).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Noise {
     /// Read noise, including quantisation, codes RMS.
     pub read: f64,
@@ -43,11 +43,10 @@ impl PhotonTransfer {
         Self { dark, saturated, bins: [Bin::default(); BINS] }
     }
 
-    /// Adds the samples of two frames that were taken one after the other.
-    pub fn add(&mut self, pairs: impl Iterator<Item = (u16, u16)>) {
+    /// Adds the samples, codes, of the same pixels in two frames that were taken one after the other.
+    pub fn add(&mut self, pairs: impl Iterator<Item = (f64, f64)>) {
         let width = (self.saturated - self.dark) / BINS as f64;
         for (a, b) in pairs {
-            let (a, b) = (f64::from(a), f64::from(b));
             let mean = 0.5 * (a + b);
             let at = (mean - self.dark) / width;
             // The noise of samples near either end of the code range is clipped.
@@ -126,7 +125,7 @@ mod tests {
 
     /// Returns two frames of a ramp with `read` codes of read noise and `gain` codes per electron, rounded to codes. A sum of twelve uniform
     /// deviates approximates a normal deviate.
-    fn pairs(read: f64, gain: f64, dark: f64, white: f64) -> Vec<(u16, u16)> {
+    fn pairs(read: f64, gain: f64, dark: f64, white: f64) -> Vec<(f64, f64)> {
         let mut state = 7u64;
         let mut uniform = || {
             // The generator MMIX of [Knuth1997].
@@ -136,7 +135,7 @@ mod tests {
         let mut normal = || (0..12).map(|_| uniform()).sum::<f64>() - 6.0;
         let mut code = |mean: f64| {
             let own = mean + (read * read + gain * mean).sqrt() * normal() + dark;
-            own.round().clamp(0.0, white) as u16
+            own.round().clamp(0.0, white)
         };
         let ramp = (0..200_000).map(|i| (white - dark) * f64::from(i) / 200_000.0);
         ramp.map(|mean| (code(mean), code(mean))).collect()
@@ -160,7 +159,7 @@ mod tests {
     #[test]
     fn a_scene_of_uniform_brightness_returns_no_noise() {
         let mut transfer = PhotonTransfer::new(8.0, 250.0);
-        transfer.add((0..100_000).map(|i| (100 + (i % 3) as u16, 101)));
+        transfer.add((0..100_000).map(|i| (f64::from(100 + i % 3), 101.0)));
         assert_eq!(transfer.noise(), None, "one bin");
     }
 

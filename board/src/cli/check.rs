@@ -1,6 +1,7 @@
 //! `hemilux devices --check`: measures exposures, noise and losses of a camera, and gives advice.
 
 use super::{Failure, say};
+use crate::noise::{Noise, PhotonTransfer};
 use crate::source::camera::CameraSpec;
 use crate::v4l2::Kernel;
 use crate::v4l2::capture::Camera;
@@ -10,6 +11,7 @@ use crate::v4l2::real::RealKernel;
 use crate::v4l2::schedule::Known;
 use crate::v4l2::setup::Agreed;
 use crate::v4l2::view::View;
+use hemilux_core::{Format, Response};
 use serde::Serialize;
 use std::fmt::Write;
 use std::time::Duration;
@@ -20,7 +22,7 @@ const MOST_BROKEN: u64 = 100;
 /// Longest wait for a frame in one call.
 const WAIT: Duration = Duration::from_millis(500);
 
-#[derive(Serialize)]
+#[derive(Debug, Serialize)]
 struct Report {
     agreed: Vec<Agreed>,
     /// Exposure times, seconds.
@@ -31,6 +33,8 @@ struct Report {
     values: Vec<i64>,
     /// Standard deviation of a sample of each exposure from frame to frame, 1 for the whole range of codes; null where it is unknown.
     noise: Vec<Option<f64>>,
+    /// The noise of a sample as a function of its code; null for processed codes and for scenes that do not determine it.
+    noise_model: Option<Noise>,
     /// The part of the sensor that pictures cover; null where it is unknown.
     view: Option<View>,
     delay: Option<u32>,
@@ -49,7 +53,7 @@ struct Report {
 }
 
 /// A frame that the camera delivered.
-#[derive(Serialize)]
+#[derive(Debug, Serialize)]
 struct Delivered {
     sequence: u32,
     timestamp_ns: u64,
@@ -81,6 +85,8 @@ pub(super) fn write_json(value: &impl Serialize) -> Result<(), Failure> {
 fn check(camera: &mut Camera, kernel: &mut dyn Kernel, count: usize) -> Result<Report, Failure> {
     let (mut frame, mut codes, mut frames) = (RawFrame::default(), Vec::new(), Vec::new());
     let mut noise = vec![NoiseSums::default(); camera.settings().len()];
+    let (curve, most) = (camera.curve(), camera.picture().max_code());
+    let mut transfer = PhotonTransfer::new(curve.black * most, LINEAR * curve.white * most);
     while frames.len() < count {
         let broken = camera.counters().broken;
         if broken.total() > MOST_BROKEN + frames.len() as u64 {
@@ -95,6 +101,9 @@ fn check(camera: &mut Camera, kernel: &mut dyn Kernel, count: usize) -> Result<R
         luma::sample(&camera.picture().layout, &frame.bytes, &mut codes);
         let (taken, level) = (frame.taken, luma::mean(&codes));
         if let Some(noise) = taken.slot.and_then(|slot| noise.get_mut(slot)) {
+            transfer.add(
+                noise.before.iter().zip(&codes).map(|(a, b)| (f64::from(*a) * most, f64::from(*b) * most)),
+            );
             noise.note(&codes);
         }
         frames.push(Delivered {
@@ -108,8 +117,18 @@ fn check(camera: &mut Camera, kernel: &mut dyn Kernel, count: usize) -> Result<R
     }
     let mut report = report(camera, frames);
     report.noise = noise.iter().map(NoiseSums::deviation).collect();
+    let is_linear = curve.response == Response::Linear && has_one_sample(camera.picture().layout.format());
+    report.noise_model = transfer.noise().filter(|_| is_linear);
     report.verdict = verdict(&report);
     Ok(report)
+}
+
+/// Part of the range from black to white in which the codes of a sensor are linear.
+const LINEAR: f64 = 0.95;
+
+/// Returns true for formats in which a sampled luminance is one sample of the sensor, so that its noise is that of a sample.
+fn has_one_sample(format: Format) -> bool {
+    !matches!(format, Format::Rgb24 | Format::Bgr24 | Format::Rgb48)
 }
 
 /// Range of relative codes in which noise is measured: outside of it, noise is clipped.
@@ -156,6 +175,7 @@ fn report(camera: &Camera, frames: Vec<Delivered>) -> Report {
         measured: camera.measured(),
         values: camera.settings().iter().map(|s| s.value).collect(),
         noise: Vec::new(),
+        noise_model: None,
         view: camera.view(),
         delay: camera.delay(),
         rate_hz,
@@ -206,6 +226,14 @@ fn summary(report: &Report) -> String {
         "{:<10} {} writes left out as late, {} refused, {} mismatches, {} resynchronisations",
         "schedule", report.late, report.failed_writes, report.mismatches, report.resyncs
     );
+    if let Some(Noise { read, gain, dark }) = report.noise_model {
+        let _ = writeln!(
+            text,
+            "{:<10} variance of a sample, codes: {read:.2}^2 + {gain:.4} x (code - {dark:.0}); for the lens file: [sensor] \
+             read_noise = {read:.2}, codes_per_electron = {gain:.4}",
+            "noise"
+        );
+    }
     for line in &report.verdict {
         let _ = writeln!(text, "{:<10} {line}", "verdict");
     }
@@ -323,7 +351,7 @@ mod tests {
         let mut kernel = FakeKernel::new(script);
         let spec = CameraSpec::parse(&format!("/dev/video0,exposures={exposures}")).expect("options");
         let mut wished = spec.options().expect("options");
-        wished.response = Some(hemilux_core::Response::Linear);
+        wished.response = Some(Response::Linear);
         let mut camera = Camera::open(&mut kernel, &wished).expect("a camera");
         check(&mut camera, &mut kernel, 200).unwrap_or_else(|f| panic!("{}", f.line))
     }
@@ -351,6 +379,30 @@ mod tests {
             let codes = noise.expect("seen") * 255.0;
             assert!((codes - 2.0).abs() < 0.1, "{:?}", report.noise);
         }
+    }
+
+    /// Computed by hand: uniform noise of -1 to 1 codes has a variance of 2/3, rounding after photon noise one of 1/12.
+    #[test]
+    fn noise_model_of_a_linear_camera_is_found_and_printed_for_the_lens_file() {
+        let script = Script { noise: 1, codes_per_electron: 0.1, ..Script::default() };
+        let report = checked(script, "0.001/0.006/0.036");
+        let Noise { read, gain, dark } = report.noise_model.expect("a model");
+        assert!((gain - 0.1).abs() < 0.01 && (read - 0.75f64.sqrt()).abs() < 0.15, "{read} {gain}");
+        assert_eq!(dark, 0.0);
+        let text = summary(&report);
+        let line = text.lines().find(|line| line.starts_with("noise ")).expect("a line of the model");
+        assert!(
+            line.ends_with(&format!("[sensor] read_noise = {read:.2}, codes_per_electron = {gain:.4}")),
+            "{line}"
+        );
+        let mut kernel = FakeKernel::new(Script { noise: 1, codes_per_electron: 0.1, ..Script::default() });
+        let spec = CameraSpec::parse("/dev/video0,exposures=0.001/0.006/0.036").expect("options");
+        let mut camera = Camera::open(&mut kernel, &spec.options().expect("options")).expect("a camera");
+        let unknown = check(&mut camera, &mut kernel, 200).unwrap_or_else(|f| panic!("{}", f.line));
+        assert_eq!(
+            unknown.noise_model, None,
+            "the codes of a camera of unknown response are taken as processed"
+        );
     }
 
     #[test]

@@ -54,7 +54,8 @@ impl LightFollower {
         let is_other = |(c, r, _): &(Calibration, TimeRange, Planner)| c != calibration || *r != range;
         if self.planner.as_ref().is_none_or(is_other) {
             let levels = calibration.levels;
-            let noise = Noise::assumed(levels.black, levels.white - levels.black);
+            let assumed = || Noise::assumed(levels.black, levels.white - levels.black);
+            let noise = source.noise().unwrap_or_else(assumed);
             self.planner =
                 Planner::new(calibration, range, &noise).map(|planner| (*calibration, range, planner));
         }
@@ -73,7 +74,8 @@ mod tests {
     use super::*;
     use crate::pipeline::{Pipeline, Settings};
     use crate::scene;
-    use crate::source::{Pace, SceneSource};
+    use crate::source::{Pace, SceneSource, SourceError};
+    use hemilux_core::Exposure;
 
     /// Follows a scene for `bursts` bursts, the first with the exposure times `seconds`; returns the exposure times, seconds,
     /// and the clipped fraction of light of each burst.
@@ -106,6 +108,61 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// A scene whose noise is known.
+    struct Noisy(SceneSource, Noise);
+
+    impl Source for Noisy {
+        fn calibration(&self) -> &Calibration {
+            self.0.calibration()
+        }
+
+        fn exposures(&self) -> Vec<Exposure> {
+            self.0.exposures()
+        }
+
+        fn noise(&self) -> Option<Noise> {
+            Some(self.1)
+        }
+
+        fn exposure_range(&self) -> Option<TimeRange> {
+            self.0.exposure_range()
+        }
+
+        fn set_exposures(&mut self, seconds: Option<&[f64]>) -> Result<(), String> {
+            self.0.set_exposures(seconds)
+        }
+
+        fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
+            self.0.next(burst)
+        }
+    }
+
+    /// The noise of a sample limits how dark a covered sample is: with a read noise of 5 % of the range, a sky whose radiances have a ratio
+    /// of three needs two exposures.
+    #[test]
+    fn measured_noise_replaces_the_assumed_noise() {
+        let planned = |noise: Option<f64>| {
+            let scene = SceneSource::new(scene::by_name("overcast").expect("a scene"), Pace::Free);
+            let levels = scene.calibration().levels;
+            let codes = levels.white - levels.black;
+            let mut source: Box<dyn Source> = match noise {
+                Some(part) => Box::new(Noisy(
+                    scene,
+                    Noise { read: part * codes, gain: codes / 5e3, dark: levels.black },
+                )),
+                None => Box::new(scene),
+            };
+            source.set_exposures(Some(&[1e-4])).expect("any exposures");
+            let (mut follower, mut burst) = (LightFollower::default(), Burst::default());
+            for _ in 0..4 {
+                source.next(&mut burst).expect("a burst");
+                follower.follow(source.as_mut(), &burst, 0.0);
+            }
+            source.exposures().len()
+        };
+        assert_eq!([planned(None), planned(Some(1e-4)), planned(Some(0.05))], [1, 1, 2]);
     }
 
     #[test]

@@ -4,8 +4,10 @@ use super::RecordedError;
 #[cfg(feature = "foreign-lenses")]
 use super::foreign::{self, ForeignLens};
 use super::lens_table::LensTable;
-use super::manifest::{ResponseTable, SensorTable, check_version, parse, read_text};
+use super::manifest::{ResponseTable, check_version, parse, read_text};
+use super::sensor_table::SensorTable;
 use super::shown::Shown;
+use crate::noise::Noise;
 use hemilux_core::Levels;
 use hemilux_core::Response;
 use hemilux_core::lens::Lens;
@@ -44,6 +46,8 @@ pub struct LensFile {
     pub response: Response,
     /// Black and white level, where the file states both.
     pub levels: Option<Levels>,
+    /// Noise of a sample, where the file states it.
+    pub noise: Option<Noise>,
     /// The `[lens]` table, for copying into a `burst.toml`.
     pub lens_table: Table,
     /// The `[response]` table, where the file has one.
@@ -65,6 +69,7 @@ impl LensFile {
             size,
             response: Response::Linear,
             levels: None,
+            noise: None,
             lens_table: Table::new(),
             response_table: None,
             calibration_table: None,
@@ -121,6 +126,7 @@ pub fn parse_lens(path: &Path, text: &str) -> Result<LensFile, RecordedError> {
         lens: file.lens.lens(path)?,
         size,
         response,
+        noise: file.sensor.as_ref().map_or(Ok(None), |sensor| sensor.noise(path))?,
         levels: file.sensor.and_then(|s| Some(Levels { black: s.black?, white: s.white? })),
         lens_table: table("lens").unwrap_or_default(),
         response_table: table("response"),

@@ -1,6 +1,7 @@
 //! `burst.toml` and `sequence.toml`.
 
 use super::lens_table::LensTable;
+use super::sensor_table::SensorTable;
 use super::shown::Shown;
 use super::{BurstFolder, MAX_MANIFEST_BYTES, RecordedError};
 use crate::calibration::Calibration;
@@ -37,14 +38,6 @@ pub(super) struct ResponseTable {
 
 fn one() -> f64 {
     1.0
-}
-
-#[derive(Deserialize, Default)]
-#[serde(deny_unknown_fields)]
-pub(super) struct SensorTable {
-    pub(super) black: Option<f64>,
-    pub(super) white: Option<f64>,
-    white_balance: Option<[f32; 3]>,
 }
 
 /// Packing of raw frames: the `[format]` table.
@@ -269,6 +262,7 @@ fn calibration(
         let expected = format!("0 <= black < white <= {most}");
         return Err(RecordedError::new(path, found, expected));
     }
+    sensor.noise(path)?;
     let white_balance = sensor.white_balance.unwrap_or([1.0; 3]);
     if !white_balance.iter().all(|w| *w > 0.0 && w.is_finite()) {
         return Err(RecordedError::new(

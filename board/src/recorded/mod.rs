@@ -12,6 +12,7 @@ mod lens;
 mod lens_table;
 mod manifest;
 mod photometric;
+mod sensor_table;
 mod shown;
 
 use crate::calibration::{Burst, Calibration, Frame, Pixels};

@@ -4,6 +4,7 @@ use super::{Lux, Source, SourceError};
 use crate::calibration::{Burst, Calibration};
 use crate::camera_status::CameraStatus;
 use crate::exposure_plan::TimeRange;
+use crate::noise::Noise;
 use hemilux_core::Exposure;
 use hemilux_core::mains::Lamps;
 
@@ -57,6 +58,10 @@ impl<A: Adapter> Source for A {
 
     fn lux(&self) -> Option<Lux> {
         Adapter::lux(self)
+    }
+
+    fn noise(&self) -> Option<Noise> {
+        self.inner().noise()
     }
 
     fn fixed_exposures(&self) -> Option<&'static str> {

@@ -28,6 +28,7 @@ pub use scene::SceneSource;
 use crate::calibration::{Burst, Calibration};
 use crate::camera_status::CameraStatus;
 use crate::exposure_plan::TimeRange;
+use crate::noise::Noise;
 use crate::recorded::RecordedError;
 use crate::scene::{self as scenes, NAMES};
 use hemilux_core::Exposure;
@@ -54,6 +55,11 @@ pub trait Source: Send {
 
     /// Returns the photometric factor of the source; `None` if its radiance is relative.
     fn lux(&self) -> Option<Lux> {
+        None
+    }
+
+    /// Returns the noise of a sample; `None` where it was not measured.
+    fn noise(&self) -> Option<Noise> {
         None
     }
 

@@ -169,6 +169,12 @@ impl Camera {
         self.setup.black
     }
 
+    /// Returns response and levels of the camera's codes.
+    #[must_use]
+    pub fn curve(&self) -> CodeCurve {
+        self.curve
+    }
+
     /// Returns the part of the sensor that pictures cover, if the driver or the table of sensors has it.
     #[must_use]
     pub fn view(&self) -> Option<View> {

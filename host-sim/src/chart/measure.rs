@@ -105,6 +105,7 @@ fn standard_lens() -> LensFile {
         size: [640, 480],
         response: hemilux_core::Response::Linear,
         levels: None,
+        noise: None,
         lens_table: toml::Table::new(),
         response_table: None,
         calibration_table: None,

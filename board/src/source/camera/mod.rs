@@ -21,6 +21,7 @@ use super::{Source, SourceError};
 use crate::calibration::{Burst, Calibration, Frame, Pixels};
 use crate::camera_status::CameraStatus;
 use crate::exposure_plan::TimeRange;
+use crate::noise::Noise;
 use crate::recorded::{LensFile, RecordedError, read_lens};
 use crate::v4l2::frame::Counters;
 use crate::v4l2::setup::{LensFit, Options};
@@ -199,6 +200,10 @@ impl CameraSource {
 impl Source for CameraSource {
     fn calibration(&self) -> &Calibration {
         &self.calibration
+    }
+
+    fn noise(&self) -> Option<Noise> {
+        self.lens.as_ref().and_then(|lens| lens.noise)
     }
 
     fn fixed_exposures(&self) -> Option<&'static str> {

@@ -5,15 +5,19 @@ use crate::v4l2::abi;
 use rustix::io::Errno;
 
 impl World {
-    /// Adds uniform noise of up to [`Script::noise`] codes.
+    /// Adds uniform noise of up to [`Script::noise`] codes, and photon noise of [`Script::codes_per_electron`].
     pub(super) fn add_noise(&mut self, picture: &mut [u8]) {
-        let most = self.script.noise;
-        if most == 0 {
+        let (most, gain) = (self.script.noise, self.script.codes_per_electron);
+        if most == 0 && gain == 0.0 {
             return;
         }
         for byte in picture {
+            let code = f64::from(*byte);
             let noise = (self.chance() * f64::from(2 * most + 1)).floor() - f64::from(most);
-            *byte = (f64::from(*byte) + noise).clamp(0.0, 255.0) as u8;
+            // A sum of twelve uniform deviates, nearly a normal deviate of variance 1, scaled to the variance gain x code.
+            let deviate = if gain > 0.0 { (0..12).map(|_| self.chance()).sum::<f64>() - 6.0 } else { 0.0 };
+            let photons = (gain * code).sqrt() * deviate;
+            *byte = (code + noise + photons).round().clamp(0.0, 255.0) as u8;
         }
     }
 

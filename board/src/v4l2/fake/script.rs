@@ -145,6 +145,8 @@ pub struct Script {
     pub real_time: bool,
     /// Largest difference that noise adds to a sample of one byte, in codes, up or down.
     pub noise: u32,
+    /// Codes per electron of the photon noise of a sample of one byte; 0 for no photon noise.
+    pub codes_per_electron: f64,
     /// Probability of each random fault at a frame, 0 to 1.
     pub chance: f64,
     /// List of the exposures that the camera accepts; `None` for all. `manner` is the reaction to others.
@@ -182,6 +184,7 @@ impl Default for Script {
             stamps: None,
             real_time: false,
             noise: 0,
+            codes_per_electron: 0.0,
             chance: 0.0,
             accepts: None,
             manner: Manner::Refuses,
