@@ -27,21 +27,21 @@ impl Pixels {
 /// One captured image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
-    /// Exposure time, seconds, and gain of the frame.
+    /// Exposure time of the frame, seconds, and its gain.
     pub exposure: Exposure,
     /// Samples of the frame.
     pub pixels: Pixels,
 }
 
 impl Frame {
-    /// Returns exposure time times gain, seconds.
+    /// Returns exposure time times gain of the frame, seconds.
     #[must_use]
     pub fn light(&self) -> f64 {
         self.exposure.seconds * self.exposure.gain
     }
 }
 
-/// One set of exposures, ascending by time x gain.
+/// Frames of one scene with different exposures, ascending by time times gain.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Burst {
     /// Frames of the burst, in ascending order of exposure time times gain.
@@ -50,7 +50,8 @@ pub struct Burst {
     pub before_ns: u64,
     /// CLOCK_MONOTONIC at the end of the burst, nanoseconds; 0 where unknown.
     pub timestamp_ns: u64,
-    /// Time of the shortest exposure, nanoseconds from any origin; 0 where unknown. It gives the phase of lamps on the mains.
+    /// Time of the shortest exposure of the burst, nanoseconds from any origin; 0 where unknown. It determines the phase of lamps on the
+    /// mains.
     pub phase_ns: u64,
 }
 

@@ -4,16 +4,16 @@ use super::sighting::Sighting;
 use calib_targets_aruco::{Dictionary, resolve_dictionary};
 use std::str::FromStr;
 
-/// A chessboard, given by the number of its inner corners.
+/// A grid of corners on a board: for a chessboard, its inner corners.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Board {
-    /// Number of inner corners of a row.
+    /// Number of corners of a row of the board.
     pub columns: u32,
-    /// Number of rows of inner corners.
+    /// Number of rows of corners of the board.
     pub rows: u32,
 }
 
-/// Least and largest number of corners of a row or column.
+/// Least and largest number of corners of a row or column of a board.
 const SIDES: std::ops::RangeInclusive<u32> = 3..=60;
 
 impl FromStr for Board {
@@ -35,7 +35,7 @@ impl std::fmt::Display for Board {
 }
 
 impl Board {
-    /// Returns the total number of inner corners.
+    /// Returns the total number of corners of the board.
     #[must_use]
     pub fn corners(self) -> usize {
         self.columns as usize * self.rows as usize
@@ -45,8 +45,8 @@ impl Board {
         [self.columns as i32, self.rows as i32]
     }
 
-    /// Returns all positions that a corner may have on a board of which the corners `seen` were detected: in a partly visible board, the
-    /// missing columns are unknown.
+    /// Returns all columns and rows that corners of a board may have of which the corners `seen` were detected: in a partly visible board,
+    /// it is unknown at which side columns are missing.
     pub(super) fn around(self, seen: &[Sighting]) -> Vec<[i32; 2]> {
         let bounds = |axis: usize| {
             let values = || seen.iter().map(|s| s.cell[axis]);
@@ -58,7 +58,7 @@ impl Board {
     }
 }
 
-/// The pattern of a board.
+/// The pattern of a printed board.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kind {
     /// Black and white squares.
@@ -67,7 +67,7 @@ pub enum Kind {
     Charuco(Charuco),
     /// Tags of the family 36h11, with black squares between their corners.
     AprilGrid {
-        /// Width of the gap between tags, as a part of the tag's side.
+        /// Width of the gap between two tags, in sides of a tag.
         gap: f64,
     },
 }
@@ -77,7 +77,7 @@ pub enum Kind {
 pub struct Charuco {
     /// Dictionary of the markers.
     pub dictionary: Dictionary,
-    /// Side of a marker, as a part of the square's side.
+    /// Side of a marker, in sides of a square.
     pub marker: f64,
 }
 
@@ -88,8 +88,8 @@ impl PartialEq for Charuco {
 }
 
 impl Charuco {
-    /// Returns the markers of an OpenCV dictionary such as `DICT_4X4_50`; `None` for an unknown name or a side outside of 0.4 to 0.95
-    /// squares.
+    /// Returns the markers of an OpenCV dictionary such as `DICT_4X4_50`; `None` for an unknown name or a marker side outside of 0.4 to
+    /// 0.95 squares.
     #[must_use]
     pub fn new(dictionary: &str, marker: f64) -> Option<Self> {
         let dictionary = resolve_dictionary(&dictionary.to_ascii_uppercase())?;
@@ -113,7 +113,7 @@ impl From<Board> for Printed {
 }
 
 impl Printed {
-    /// Returns a grid of tags, columns by rows; `None` for more tags than the family has.
+    /// Returns a board of tags with the columns and rows of `tags`; `None` for more tags than the family has.
     #[must_use]
     pub fn april_grid(tags: Board, gap: f64) -> Option<Self> {
         let fits = tags.columns.checked_mul(tags.rows).is_some_and(|count| count <= 587);
@@ -121,12 +121,13 @@ impl Printed {
         (fits && (0.1..=1.0).contains(&gap)).then_some(Self { corners, kind: Kind::AprilGrid { gap } })
     }
 
-    /// Returns whether marks on the board identify each corner.
+    /// Returns whether marks on the board identify each of its corners.
     pub(super) fn is_marked(&self) -> bool {
         self.kind != Kind::Chessboard
     }
 
-    /// Returns the radius around a corner, in squares or tags, within which the four fields have no pattern.
+    /// Returns the radius around a corner, in sides of a square or tag, within which the four fields that meet in the corner have no
+    /// pattern.
     pub(super) fn plain(&self) -> f64 {
         match self.kind {
             Kind::Chessboard => 0.35,
@@ -135,7 +136,7 @@ impl Printed {
         }
     }
 
-    /// Returns the position of a line of corners, in squares or tags.
+    /// Returns the position of the column or row of corners with the number `index`, in sides of a square or tag.
     pub(super) fn line(&self, index: i32) -> f64 {
         match self.kind {
             Kind::AprilGrid { gap } => {
@@ -145,7 +146,7 @@ impl Printed {
         }
     }
 
-    /// Returns all positions that a corner may have on a board of which the corners `seen` were detected.
+    /// Returns all columns and rows that corners of this board may have, of which the corners `seen` were detected.
     pub(super) fn around(&self, seen: &[Sighting]) -> Vec<[i32; 2]> {
         if !self.is_marked() {
             return self.corners.around(seen);
@@ -154,7 +155,7 @@ impl Printed {
         (0..rows).flat_map(|j| (0..columns).map(move |i| [i, j])).collect()
     }
 
-    /// Returns whether a mirrored picture of the board differs from every picture that is not mirrored.
+    /// Returns whether a mirrored picture of the board differs from every picture of it that is not mirrored.
     #[must_use]
     pub fn tells_mirror(&self) -> bool {
         let Board { columns, rows } = self.corners;

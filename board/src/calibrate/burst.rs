@@ -7,7 +7,7 @@ use glam::DVec2;
 use hemilux_core::format::Format;
 use std::path::Path;
 
-/// Largest number of pixels that are read from each frame; more pixels take time and add no accuracy.
+/// Largest number of pixels that are read from each frame of a burst; more pixels take time and add no accuracy.
 const MOST_PIXELS: usize = 200_000;
 
 /// The frames of a recorded burst as relative codes, with the calibration of its camera.
@@ -19,10 +19,10 @@ pub struct ExposedBurst {
     pub codes: Codes,
 }
 
-/// Reads a burst and converts its frames to relative codes.
+/// Reads the burst in `folder` and converts its frames to relative codes.
 ///
 /// # Errors
-/// [`RecordedError`]; raw frames are an error, since sensors are linear and need no response.
+/// [`RecordedError`] for a burst that cannot be read, and for raw frames, since sensors are linear and need no response.
 pub fn exposed(folder: &Path) -> Result<ExposedBurst, RecordedError> {
     let RecordedBurst { calibration, burst, .. } = read_burst(folder)?;
     match exposed_frames(&calibration, &burst.frames) {
@@ -37,13 +37,13 @@ pub fn exposed(folder: &Path) -> Result<ExposedBurst, RecordedError> {
 /// Relative codes of a burst's frames.
 #[derive(Clone, Debug)]
 pub struct Codes {
-    /// Frames in ascending order of exposure.
+    /// Relative codes of the frames, in ascending order of exposure.
     pub frames: Vec<Exposed>,
-    /// Size of one code in relative codes.
+    /// Difference of relative code between two neighbouring codes of the frames.
     pub step: f64,
 }
 
-/// Computes the relative codes of frames; `None` for raw frames and for frames that are shorter than their layout.
+/// Computes the relative codes of `frames`; `None` for raw frames and for frames that are shorter than their layout.
 #[must_use]
 pub fn exposed_frames(calibration: &Calibration, frames: &[Frame]) -> Option<Codes> {
     let is_image = matches!(calibration.layout.format(), Format::Rgb24 | Format::Rgb48);
@@ -68,7 +68,7 @@ pub fn exposed_frames(calibration: &Calibration, frames: &[Frame]) -> Option<Cod
     Some(Codes { frames: frames.iter().map(exposed).collect(), step: 1.0 / range })
 }
 
-/// Returns a subset of the pixels inside of the image circle.
+/// Returns the indices of a subset of the pixels inside of the image circle.
 fn places(calibration: &Calibration) -> Vec<usize> {
     let width = calibration.layout.width() as usize;
     let pixels = width * calibration.layout.height() as usize;

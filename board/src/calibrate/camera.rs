@@ -2,32 +2,32 @@
 
 use nalgebra::{Matrix2x3, SMatrix, SVector, Vector2, Vector3};
 
-/// Number of intrinsic parameters.
+/// Number of intrinsic parameters of a camera.
 pub(super) const INTRINSICS: usize = 10;
 
-/// Derivatives of a pixel with respect to the intrinsic parameters.
+/// Derivatives of the image of a point, pixels, with respect to the intrinsic parameters.
 pub(super) type ByIntrinsics = SMatrix<f64, 2, INTRINSICS>;
 
-/// Number of parameters that a lens file stores; the other coefficients of the radial law are 0, except in the check that the law has enough
-/// terms.
+/// Number of intrinsic parameters that a lens file stores; the other coefficients of the radial law are 0, except in the check that the law
+/// has enough terms.
 pub(super) const KEPT: usize = 8;
 
 /// Parameters of a camera: focal lengths and centre in pixels, then the coefficients of \[KannalaBrandt2006\], two more than in a lens file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Camera(pub SVector<f64, INTRINSICS>);
 
-/// The image of a point with its derivatives.
+/// The image of a point with derivatives.
 pub(super) struct Projection {
     /// Image of the point, pixels.
     pub pixel: Vector2<f64>,
-    /// Derivatives with respect to the point in the camera's axes.
+    /// Derivatives of `pixel` with respect to the point in the camera's axes.
     pub by_point: Matrix2x3<f64>,
-    /// Derivatives with respect to the intrinsic parameters.
+    /// Derivatives of `pixel` with respect to the intrinsic parameters.
     pub by_intrinsics: ByIntrinsics,
 }
 
 impl Camera {
-    /// Returns an equidistant camera.
+    /// Returns an equidistant camera with the focal length `focal` and the principal point `centre`, pixels.
     pub fn equidistant(focal: f64, centre: Vector2<f64>) -> Self {
         Self(SVector::from([focal, focal, centre.x, centre.y, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
     }
@@ -42,7 +42,7 @@ impl Camera {
         Vector2::new(self.0[2], self.0[3])
     }
 
-    /// Returns the radius of the image at an angle from the axis, in focal lengths.
+    /// Returns the distance from the principal point of the image of a direction at the angle `theta` from the axis, in focal lengths.
     pub fn radius(&self, theta: f64) -> f64 {
         let t = theta * theta;
         theta * (1.0 + (4..INTRINSICS).rev().fold(0.0, |sum, i| t * (self.0[i] + sum)))
@@ -55,13 +55,14 @@ impl Camera {
         1.0 + (4..INTRINSICS).rev().fold(0.0, |sum, i| t * (factor(i) * self.0[i] + sum))
     }
 
-    /// Returns the angle up to which the radius increases, at most pi.
+    /// Returns the angle from the axis up to which [`Camera::radius`] increases, radians, at most pi.
     pub fn limit(&self) -> f64 {
         let steps = (1..=720).map(|i| f64::from(i) * std::f64::consts::PI / 720.0);
         steps.take_while(|theta| self.slope(*theta) > 1e-3).last().unwrap_or(0.0)
     }
 
-    /// Returns the angle from the axis whose image has this radius; beyond the largest radius, the angle of [`Camera::limit`].
+    /// Returns the angle from the axis, radians, whose image has the distance `radius` from the principal point; beyond the largest
+    /// distance, the angle of [`Camera::limit`].
     pub fn angle(&self, radius: f64) -> f64 {
         let (mut low, mut high) = (0.0, self.limit());
         for _ in 0..52 {
@@ -71,7 +72,7 @@ impl Camera {
         0.5 * (low + high)
     }
 
-    /// Returns the unit direction of a pixel.
+    /// Returns the unit direction that is imaged at `pixel`.
     pub fn direction(&self, pixel: Vector2<f64>) -> Vector3<f64> {
         let n = (pixel - self.centre()).component_div(&self.focal());
         let radius = n.norm();
@@ -80,7 +81,7 @@ impl Camera {
         Vector3::new(across.x, across.y, cos)
     }
 
-    /// Returns the image of a point, pixels.
+    /// Returns the image of `point`, pixels.
     pub fn pixel(&self, point: &Vector3<f64>) -> Vector2<f64> {
         let across = point.xy();
         let theta = across.norm().atan2(point.z);
@@ -88,7 +89,7 @@ impl Camera {
         self.centre() + n.component_mul(&self.focal())
     }
 
-    /// Returns the image of a point with derivatives.
+    /// Returns the image of `point`, pixels, with its derivatives.
     pub fn project(&self, point: &Vector3<f64>) -> Projection {
         let across = point.xy();
         let rho = across.norm().max(1e-12);

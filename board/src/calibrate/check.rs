@@ -9,10 +9,10 @@ use super::sighting::Sighting;
 use super::solve::{Free, View, solve};
 use super::{Board, Printed};
 
-/// Least number of pictures with a board.
+/// Least number of pictures that show a board.
 pub(super) const FEWEST_BOARDS: usize = 3;
 
-/// Reasons why no lens is computed: one line with the remedy.
+/// Reasons why no lens is computed; the text is one line with the remedy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum LensRefusal {
@@ -21,12 +21,12 @@ pub enum LensRefusal {
         "found {0} picture(s), expected at least 3, better 15 to 30: show the board at other places of the view and at other angles"
     )]
     FewPictures(usize),
-    /// The pictures have several sizes.
+    /// The pictures do not all have the same size.
     #[error("{name}: found {} x {} pixels, expected {} x {} as the first picture: take all pictures in one mode of one camera", size[0], size[1], expected[0], expected[1])]
     Sizes {
-        /// Name of the picture.
+        /// Name of a picture with another size than the first.
         name: String,
-        /// Columns and rows of the picture.
+        /// Columns and rows of that picture.
         size: [usize; 2],
         /// Columns and rows of the first picture.
         expected: [usize; 2],
@@ -37,11 +37,11 @@ pub enum LensRefusal {
          squares meet (of an AprilGrid, the tags), light the board evenly, and hold it still and sharp"
     )]
     FewBoards {
-        /// Board of the request.
+        /// Board that the request states.
         board: Printed,
         /// Number of pictures with a board.
         found: usize,
-        /// Number of all pictures.
+        /// Number of pictures in total.
         pictures: usize,
     },
     /// The board has more corners than stated.
@@ -49,7 +49,7 @@ pub enum LensRefusal {
         "found a board of more than {board} inner corners in {found} pictures, expected {board}: count its corners again and state them as --board"
     )]
     LargerBoard {
-        /// Board of the request.
+        /// Board that the request states.
         board: Board,
         /// Number of pictures that show more corners.
         found: usize,
@@ -59,7 +59,7 @@ pub enum LensRefusal {
         "found boards of at most {found} inner corners, expected {board}: give --board {found}, or show the whole board"
     )]
     SmallerBoard {
-        /// Board of the request.
+        /// Board that the request states.
         board: Board,
         /// Largest board that was detected.
         found: Board,
@@ -69,7 +69,7 @@ pub enum LensRefusal {
         "{name}: found two boards in view, expected one: cover or remove the other, or leave this picture out"
     )]
     TwoBoards {
-        /// Name of the picture.
+        /// Name of the picture with two boards.
         name: String,
     },
     /// The boards cover a small part of the view.
@@ -80,12 +80,12 @@ pub enum LensRefusal {
         /// Name of the part of the view with all boards, such as `left part`.
         place: String,
     },
-    /// A picture in which left and right are exchanged.
+    /// Left and right are exchanged in one picture.
     #[error(
         "{name}: found a mirrored picture, expected all pictures the same way round: switch mirroring off in the camera, or flip the picture back"
     )]
     Mirrored {
-        /// Name of the picture.
+        /// Name of the mirrored picture.
         name: String,
     },
     /// The boards of all pictures are mirrored.
@@ -96,7 +96,7 @@ pub enum LensRefusal {
     AllMirrored {
         /// Number of pictures with a mirrored board.
         found: usize,
-        /// Number of all pictures.
+        /// Number of pictures in total.
         pictures: usize,
     },
     /// The least-squares fit found no lens.
@@ -104,15 +104,15 @@ pub enum LensRefusal {
         "found corners that fit no lens (error {rms_px:.1} px), expected at most {most_px:.1} px: keep the board flat, and take all pictures with one zoom and focus"
     )]
     NoFit {
-        /// Error of the fit, pixels.
+        /// Root mean square error of the fit, pixels.
         rms_px: f64,
-        /// Largest accepted error, pixels.
+        /// Largest accepted root mean square error, pixels.
         most_px: f64,
     },
     /// The corner detector refused a picture.
     #[error("{name}: found {found}, expected a picture in which corners can be searched")]
     Detector {
-        /// Name of the picture.
+        /// Name of the refused picture.
         name: String,
         /// The error of the corner detector.
         found: String,
@@ -169,7 +169,7 @@ fn all_mirrored(pictures: &[Picture], found: &[Found], request: &Request) -> Res
 
 /// Refuses a stated board that is larger than all boards found, if many pictures agree on their size.
 fn smaller(found: &[Found], board: Board) -> Result<(), LensRefusal> {
-    // A column of one or two corners is more likely an error of the search than a column.
+    // One or two corners are more likely an error of the search than a column of corners.
     let span = |f: &Found, axis: usize| {
         let filled = |line: &i32| f.seen.iter().filter(|s| s.cell[axis] == *line).count() > 2;
         (0..board.size()[axis]).filter(filled).count() as u32
@@ -184,7 +184,7 @@ fn smaller(found: &[Found], board: Board) -> Result<(), LensRefusal> {
     Err(LensRefusal::SmallerBoard { board, found: Board { columns, rows } })
 }
 
-/// Share of the picture's width or height that the corners must span.
+/// Fraction of the picture's width or height that the corners of all boards must span.
 const SPANNED: f64 = 0.55;
 
 fn one_place(found: &[Found], size: [usize; 2]) -> Result<(), LensRefusal> {
@@ -218,7 +218,7 @@ pub(super) fn larger(pictures: &[Picture], fit: &Fit, board: Board) -> Result<()
     if 3 * found >= fit.views.len() { Err(LensRefusal::LargerBoard { board, found }) } else { Ok(()) }
 }
 
-/// Refuses a picture of which the fit kept few corners and which fits after exchanging left and right.
+/// Refuses a picture in which the fit kept few corners and which fits better with left and right exchanged.
 pub(super) fn mirrored(
     pictures: &[Picture],
     found: &[Found],
@@ -246,7 +246,7 @@ fn flip(s: &Sighting, board: Board, width: usize) -> Sighting {
     Sighting { cell: [board.size()[0] - 1 - s.cell[0], s.cell[1]], at }
 }
 
-/// Returns the error of a board in pixels when only its pose is fitted.
+/// Returns the root mean square error of a board, pixels, when only the pose of the board is fitted.
 fn posed(fit: &Fit, seen: &[Sighting]) -> f64 {
     let Some(pose) = from_directions(&fit.model.camera, &fit.model.shape, seen) else { return f64::INFINITY };
     let mut views = [View { seen: seen.to_vec(), pose }];

@@ -24,7 +24,7 @@ pub enum Fault {
     Size {
         /// Path of the lens file.
         path: String,
-        /// Columns and rows of the lens file's images.
+        /// Columns and rows of the images to which the lens file applies.
         lens: [u32; 2],
         /// Columns and rows of the burst's images.
         burst: [u32; 2],
@@ -36,7 +36,7 @@ pub enum Fault {
     SolidAngle {
         /// Path of the lens file.
         path: String,
-        /// Sum over the pixels, steradians.
+        /// Sum of the pixels' solid angles, steradians.
         found: f64,
         /// Solid angle of the field of view, steradians.
         expected: f64,
@@ -48,19 +48,19 @@ pub enum Fault {
     Uncertain {
         /// Path of the lens file.
         path: String,
-        /// Description of the value that was found.
+        /// Description of the lens.
         found: String,
     },
-    /// The exposure ratio of the burst's pictures differs from the ratio in its table.
+    /// The exposure ratio estimated from the burst's pictures differs from the ratio in `burst.toml`.
     #[error(
         "{path}: found exposures of the ratio {found:.2}, expected {expected:.2} as in burst.toml: calibrate the response, or check that the camera obeys its exposure settings"
     )]
     Exposures {
         /// Path of the burst.
         path: String,
-        /// Exposure ratio estimated from the pictures.
+        /// Exposure ratio estimated from the pictures of the burst.
         found: f64,
-        /// Exposure ratio declared in the table.
+        /// Exposure ratio that `burst.toml` states.
         expected: f64,
     },
     /// The burst was recorded in another mode of the camera.
@@ -95,7 +95,7 @@ pub enum Fault {
 }
 
 impl Fault {
-    /// Returns the exit status of the fault's class, 3 to 10.
+    /// Returns the exit status of the program for this class of fault, 3 to 10.
     #[must_use]
     pub fn status(&self) -> u8 {
         match self {
@@ -111,10 +111,10 @@ impl Fault {
     }
 }
 
-/// Largest accepted relative error of the sum of the solid angles.
+/// Largest accepted relative error of the sum of the pixels' solid angles.
 const MOST_SOLID: f64 = 0.01;
 
-/// Largest accepted relative deviation of an exposure ratio.
+/// Largest accepted relative deviation of an estimated exposure ratio from the stated one.
 const MOST_RATIO: f64 = 0.2;
 
 /// Largest accepted angle between the outermost corner of the calibration and the edge of the field of view, degrees, and largest accepted
@@ -122,10 +122,10 @@ const MOST_RATIO: f64 = 0.2;
 const MOST_BEYOND_DEG: f64 = 12.0;
 const MOST_UNCERTAIN_DEG: f64 = 1.0;
 
-/// Checks a lens file and, if one is given, a burst.
+/// Checks the lens file at `path` and, if one is given, that the burst matches it.
 ///
 /// # Errors
-/// The first [`Fault`] found.
+/// The first [`Fault`] that the check finds.
 pub fn check(path: &Path, burst: Option<&Path>) -> Result<(), Fault> {
     let file = read_lens(path).map_err(|e| Fault::Unreadable(e.to_string()))?;
     solid_angles(path, &file)?;
@@ -159,7 +159,7 @@ fn is_whole(lens: &Lens, [width, height]: [u32; 2]) -> bool {
     rows.chain(columns).all(|at| lens.unproject(at).is_none())
 }
 
-/// Checks the accuracy that the file states. A file that states no accuracy passes.
+/// Checks that the accuracy that the lens file states is sufficient. A file that states no accuracy passes.
 fn stated(path: &Path, file: &LensFile) -> Result<(), Fault> {
     let fault = |found: String| Err(Fault::Uncertain { path: path.display().to_string(), found });
     let Some(statement) = &file.calibration_table else { return Ok(()) };
@@ -192,7 +192,7 @@ fn with_burst(path: &Path, file: &LensFile, burst: &Path) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Compares the crop and binning of the lens file with those of the burst.
+/// Checks that the crop and binning of the burst are those of the lens file.
 fn mode(file: &LensFile, burst: &Path) -> Result<(), Fault> {
     let shown = read_shown(burst).map_err(|e| Fault::Unreadable(e.to_string()))?;
     let Some((expected, found)) = file.shown.zip(shown).filter(|(a, b)| a != b) else { return Ok(()) };

@@ -9,11 +9,11 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 /// The image circle of a fisheye lens.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Circle {
-    /// Centre of the circle, pixels.
+    /// Centre of the image circle, pixels.
     pub centre: DVec2,
-    /// Radius of the circle, pixels.
+    /// Radius of the image circle, pixels.
     pub radius: f64,
-    /// Standard deviation of the distance between the rim's points and the circle, pixels.
+    /// Standard deviation of the distance between the detected points of the rim and the circle, pixels.
     pub deviation_px: f64,
 }
 
@@ -34,7 +34,7 @@ pub struct CircleLens {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CircleRefusal {
-    /// There are no pictures, or pictures of several sizes.
+    /// There are no pictures, or the pictures do not all have the same size.
     #[error("found pictures of several sizes, or none, expected pictures of one mode")]
     Sizes,
     /// The corners of the pictures are not dark.
@@ -43,17 +43,17 @@ pub enum CircleRefusal {
          a lens whose circle exceeds the sensor needs a board"
     )]
     NoRim,
-    /// The rim is not circular.
+    /// The rim of the bright area is not circular.
     #[error(
         "found a rim that is {deviation:.1} pixels off a circle over {degrees:.0} degrees, expected at most {most:.1} over 120: add pictures that are \
          bright up to the rim"
     )]
     NoCircle {
-        /// Standard deviation of the rim from a circle, pixels.
+        /// Standard deviation of the distance between the rim and a circle, pixels.
         deviation: f64,
-        /// Angle over which the rim was found, degrees.
+        /// Angle around the circle's centre over which the rim was found, degrees.
         degrees: f64,
-        /// Largest accepted deviation, pixels.
+        /// Largest accepted standard deviation, pixels.
         most: f64,
     },
     /// The field of view is out of range, or the circle gives no valid lens.
@@ -61,13 +61,13 @@ pub enum CircleRefusal {
     Field(f64),
 }
 
-/// Number of rays from the centre along which the rim is searched for.
+/// Number of rays from the picture's centre along which the rim of the image circle is searched for.
 const RAYS: usize = 720;
 
-/// Largest accepted deviation of the rim, as a part of the radius.
+/// Largest accepted standard deviation of the rim from the circle, in radii.
 const MOST_OFF: f64 = 0.02;
 
-/// Detects the image circle in the maximum over the pictures at each pixel.
+/// Detects the image circle in the picture whose pixels are the maxima over all `pictures`.
 ///
 /// # Errors
 /// [`CircleRefusal`] if there is no circular rim.
@@ -96,7 +96,8 @@ fn brightest(pictures: &[Grey]) -> Option<Grey> {
     Grey::new(first.size()[0], pixels)
 }
 
-/// Returns a threshold between the codes of the dark corners and of the bright centre, nearer to the dark: lenses are darker at the rim.
+/// Returns a code between those of the dark corners and of the bright centre, nearer to the dark ones, since lenses are darker at the rim;
+/// `None` without dark corners.
 fn threshold(grey: &Grey) -> Option<f64> {
     let [width, height] = grey.size();
     let mean = |left: usize, top: usize, w: usize, h: usize| {
@@ -136,7 +137,7 @@ fn rim(grey: &Grey, threshold: f64) -> Vec<DVec2> {
     (0..RAYS).filter_map(ray).collect()
 }
 
-/// Fits a circle to the points by least squares, with lower weights for outliers.
+/// Fits a circle to `points` by least squares, with lower weights for outliers.
 fn robust(points: &[DVec2]) -> Option<Circle> {
     if points.len() < 24 {
         return None;
@@ -155,7 +156,7 @@ fn robust(points: &[DVec2]) -> Option<Circle> {
     Some(circle)
 }
 
-/// Fits a weighted circle by the method of A. Kasa, which is linear in the centre and the squared radius.
+/// Fits a circle to weighted points by the method of A. Kasa, which is linear in the centre and the squared radius.
 fn fit(points: &[DVec2], weights: &[f64]) -> Option<Circle> {
     let mean = points.iter().sum::<DVec2>() / points.len() as f64;
     let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
@@ -171,7 +172,7 @@ fn fit(points: &[DVec2], weights: &[f64]) -> Option<Circle> {
     (squared > 0.0).then(|| Circle { centre: centre + mean, radius: squared.sqrt(), deviation_px: 0.0 })
 }
 
-/// Returns the angle over which points lie near the circle, degrees.
+/// Returns the angle around the circle's centre over which points lie near the circle, degrees.
 fn spanned(points: &[DVec2], circle: &Circle) -> f64 {
     let mut sectors = [false; 72];
     let near = 3.0 * circle.deviation_px.max(0.5);
@@ -182,10 +183,11 @@ fn spanned(points: &[DVec2], circle: &Circle) -> f64 {
     5.0 * sectors.iter().filter(|seen| **seen).count() as f64
 }
 
-/// Standard deviation of a stated field of view, degrees: data sheets give rounded values, and the edge of a circle is a gradient.
+/// Standard deviation of a field of view that the user states, degrees: data sheets give rounded values, and the edge of an image circle is
+/// a gradient.
 const FIELD_DEG: f64 = 5.0;
 
-/// Returns the equidistant lens whose field of view, in degrees, fills the circle.
+/// Returns the equidistant lens whose field of view of `field_deg` degrees fills the image circle.
 ///
 /// # Errors
 /// [`CircleRefusal::Field`] for a field of view out of range.
@@ -206,7 +208,7 @@ pub fn circle_lens(circle: &Circle, field_deg: f64, size: [usize; 2]) -> Result<
     Ok(CircleLens { lens, size, circle: *circle, spread: tens.chain([max]).map(uncertain).collect() })
 }
 
-/// Returns the difference from the directions of an equisolid lens that fills the same circle.
+/// Returns the difference at the angle `theta` between the directions of an equidistant and of an equisolid lens that fill the same circle.
 fn law(theta: f64, max: f64) -> f64 {
     let radius = (0.5 * theta).sin() / (0.5 * max).sin();
     (radius * max - theta).abs().min(FRAC_PI_2)
@@ -237,7 +239,7 @@ mod tests {
         }
     }
 
-    /// A lamp outside of the rim and a dark part of the rim do not shift the circle.
+    /// A lamp outside of the rim in one picture and a dark part of the rim in another do not shift the circle.
     #[test]
     fn a_rim_that_is_dark_in_one_picture_is_found_in_another() {
         let (centre, radius) = (DVec2::new(322.0, 236.5), 210.0);

@@ -4,16 +4,16 @@ use super::grey::Grey;
 use chess_corners::{ChessError, Detector, DetectorConfig};
 use nalgebra::{Matrix2, Vector2};
 
-/// A point where two black and two white squares meet.
+/// A corner in a picture of a board: a point where two black and two white squares meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Corner {
     /// Position of the corner, pixels.
     pub at: Vector2<f64>,
-    /// Directions of the four edges that meet, radians, ascending; a dark sector follows the first and the third.
+    /// Directions of the four edges that meet in the corner, radians, ascending; a dark sector follows the first and the third.
     pub edges: [f64; 4],
 }
 
-/// Detects corners; `scale` is the number of pixels of the full picture per pixel of `grey`.
+/// Detects the corners in a picture; `scale` is the number of pixels of the full picture per pixel of `grey`, along a side.
 pub(super) fn find(grey: &Grey, scale: f64) -> Result<Vec<Corner>, ChessError> {
     let [width, height] = grey.size();
     let mut detector = Detector::new(DetectorConfig::chess().with_threshold(20.0))?;
@@ -29,7 +29,7 @@ pub(super) fn find(grey: &Grey, scale: f64) -> Result<Vec<Corner>, ChessError> {
     Ok(found.iter().filter_map(corner).collect())
 }
 
-/// Largest number of steps of [`refine`].
+/// Largest number of steps of [`refine`] for a corner.
 const STEPS: usize = 20;
 
 /// Moves a corner to the point for which the gradients around it are perpendicular to the lines to it: \[Foerstner1987\].
@@ -55,7 +55,7 @@ pub(super) fn refine(grey: &Grey, start: Vector2<f64>, radius: f64) -> Option<Ve
     Some(at)
 }
 
-/// Computes one step of [`refine`].
+/// Computes one step of [`refine`]: the point for which the gradients around `at` are perpendicular to the lines to the point.
 fn step(grey: &Grey, at: Vector2<f64>, radius: f64) -> Option<Vector2<f64>> {
     let reach = radius.ceil() as i32;
     let (mut normal, mut right) = (Matrix2::zeros(), Vector2::zeros());
@@ -81,7 +81,7 @@ fn gradient(grey: &Grey, at: Vector2<f64>) -> Vector2<f64> {
     Vector2::new(difference(Vector2::x()), difference(Vector2::y()))
 }
 
-/// Returns the contrast of four squares around a point, sampled at their centres, as a share of the mean.
+/// Returns the contrast of four squares around a point, sampled at their centres, as a fraction of their mean.
 ///
 /// Returns `None` if black and white do not alternate around the point.
 pub(super) fn alternates(grey: &Grey, around: [Vector2<f64>; 4]) -> Option<f64> {

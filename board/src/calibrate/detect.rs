@@ -1,4 +1,4 @@
-//! Detection of the board in a picture.
+//! Detection of the calibration board in a picture.
 
 use super::corners::{Corner, alternates, find, refine};
 use super::found::{FEWEST, Found, refined, window};
@@ -35,7 +35,7 @@ pub(super) fn board(grey: &Grey, printed: &Printed) -> Result<Found, ChessError>
 /// Largest side of a picture in which corners are searched for, pixels: in larger pictures texture has more corners than the board.
 const LARGEST_SIDE: usize = 1600;
 
-/// A picture at one of the searched sizes.
+/// A picture at one of the sizes at which corners are searched for.
 struct SearchLevel {
     picture: Grey,
     /// Number of full-size pixels per pixel of `picture`, along a side.
@@ -43,7 +43,7 @@ struct SearchLevel {
 }
 
 impl SearchLevel {
-    /// Returns the largest searched size of `grey`.
+    /// Returns `grey` at the largest size at which corners are searched for.
     fn first(grey: &Grey) -> Self {
         let mut level = Self { picture: grey.clone(), scale: 1.0 };
         while level.picture.size().into_iter().max() > Some(LARGEST_SIDE) {
@@ -53,7 +53,7 @@ impl SearchLevel {
         level
     }
 
-    /// Returns the level of half the size; `None` if the picture is too small.
+    /// Returns the picture at half the size; `None` if it would be too small.
     fn halved(&self) -> Option<Self> {
         self.picture.halved().map(|picture| Self { picture, scale: 2.0 * self.scale })
     }
@@ -82,7 +82,7 @@ fn from_corners(grey: &Grey, corners: &[Corner], board: Board, scale: f64) -> Fo
 
 /// Returns 1 if the squares of a whole board are mirrored, -1 if they are not, and 0 if the board is symmetric.
 ///
-/// The upper left square is black; on a board with odd numbers of corners, a mirror makes it white.
+/// The upper left square is black; on a board with odd numbers of columns and rows of corners, a mirror makes it white.
 fn mirror(grey: &Grey, grid: &Grid, board: Board) -> i32 {
     if !Printed::from(board).tells_mirror() || grid.len() < board.corners() {
         return 0;
@@ -97,7 +97,7 @@ fn mirror(grey: &Grey, grid: &Grid, board: Board) -> i32 {
     if contrast > 0.0 { 1 } else { -1 }
 }
 
-/// Searches for missing corners at the positions that the fit predicts; returns the number of corners found.
+/// Searches for missing corners of the board at the positions that the fit predicts; returns the number of corners found.
 pub(super) fn complete(grey: &Grey, model: &Model, view: &mut View, printed: &Printed) -> usize {
     let before = view.seen.len();
     let has = |view: &View, cell: Cell| view.seen.iter().any(|s| s.cell == cell);
@@ -115,7 +115,7 @@ pub(super) fn complete(grey: &Grey, model: &Model, view: &mut View, printed: &Pr
     view.seen.len() - before
 }
 
-/// Shifts the board's origin so that its columns and rows begin at 0.
+/// Shifts the origin of the board in a view so that the board's columns and rows begin at 0.
 fn rebase(view: &mut View, model: &Model) {
     let least = |axis: usize| view.seen.iter().map(|s| s.cell[axis]).min().unwrap_or(0).min(0);
     let origin = [least(0), least(1)];
@@ -140,7 +140,7 @@ pub(super) fn beyond(grey: &Grey, model: &Model, view: &View, board: Board) -> [
     })
 }
 
-/// The result of the search for a corner.
+/// The result of the search for a corner at its expected position.
 enum CornerSearch {
     /// The position of the corner is outside of the picture.
     Outside,
@@ -157,12 +157,12 @@ fn look(grey: &Grey, model: &Model, view: &View, cell: Cell, plain: f64) -> Corn
     }
 }
 
-/// The expected position of a corner.
+/// The expected position of a corner in a picture, with its surroundings.
 struct CornerSite {
     at: Vector2<f64>,
-    /// Centres of the four squares around the corner, in order.
+    /// Centres of the four squares around the corner, pixels, in order.
     squares: [Vector2<f64>; 4],
-    /// Length of the shortest edge, pixels.
+    /// Length of the shortest edge that meets in the corner, pixels.
     side: f64,
 }
 

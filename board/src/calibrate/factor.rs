@@ -1,18 +1,18 @@
-//! Combination of repeated readings of the photometric factor, and the verdict of a check.
+//! Combination of repeated readings of the photometric factor to one factor, and the verdict of a check with a luxmeter.
 
 use super::photometric::FactorReading;
 
-/// The photometric factor of several readings.
+/// The photometric factor that results from several readings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Factor {
-    /// Illuminance in lux per unit of irradiance.
+    /// Illuminance in lux per unit of relative irradiance.
     pub factor: f64,
-    /// Relative uncertainty of the factor with 95 % coverage.
+    /// Relative uncertainty of `factor` with 95 % coverage.
     pub uncertainty: f64,
 }
 
-/// Combines readings to their mean, weighted by their own uncertainties. If the readings scatter more than these, the scatter counts; the
-/// uncertainty of the meter is not reduced by averaging.
+/// Combines readings to their mean, weighted by their own uncertainties. If the readings scatter more than their uncertainties, the scatter
+/// determines the uncertainty of the mean; the uncertainty of the luxmeter is not reduced by averaging.
 #[must_use]
 pub fn combine(readings: &[FactorReading]) -> Option<Factor> {
     let weight = |r: &FactorReading| 1.0 / r.own.max(1e-4).powi(2);
@@ -31,16 +31,16 @@ pub fn combine(readings: &[FactorReading]) -> Option<Factor> {
 /// Verdict of comparing a reading of the luxmeter with the calibration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// The reading differs by less than 10 %.
+    /// The reading of the luxmeter differs from the calibration by less than 10 %.
     Good,
-    /// The reading differs by 10 to 25 %.
+    /// The reading of the luxmeter differs from the calibration by 10 to 25 %.
     Fair,
-    /// The reading differs by more than 25 %.
+    /// The reading of the luxmeter differs from the calibration by more than 25 %.
     Reject,
 }
 
 impl Verdict {
-    /// Returns the verdict on a relative difference.
+    /// Returns the verdict on a relative difference between luxmeter and calibration.
     #[must_use]
     pub fn of(difference: f64) -> Self {
         match difference.abs() {

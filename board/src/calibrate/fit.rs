@@ -8,20 +8,20 @@ use super::sighting::Sighting;
 use super::solve::{Free, Model, View, solve};
 use nalgebra::Vector2;
 
-/// Largest residual of an accepted corner, pixels.
+/// Largest distance between an accepted corner and its computed pixel, pixels.
 pub(super) const LARGEST_PX: f64 = 1.5;
 
-/// Width of the robust loss at which the loss equals plain least squares, pixels.
+/// Width of the robust loss, pixels, at which the loss equals that of plain least squares.
 const PLAIN: f64 = 1e4;
 
-/// A camera with its views and the picture of each view.
+/// A camera fitted to the boards in several pictures.
 #[derive(Clone, Debug)]
 pub(super) struct Fit {
     /// Camera model and shape of the board.
     pub model: Model,
-    /// Views of the pictures whose board was used.
+    /// Detected corners and board pose of each picture whose board was used.
     pub views: Vec<View>,
-    /// Index of the picture of each view.
+    /// Index of the picture of each element of `views`.
     pub pictures: Vec<usize>,
 }
 
@@ -29,10 +29,10 @@ pub(super) struct Fit {
 const TRIED_DEGREES: [f64; 14] =
     [20.0, 30.0, 40.0, 48.0, 56.0, 64.0, 72.0, 80.0, 88.0, 96.0, 105.0, 115.0, 125.0, 140.0];
 
-/// Number of starts that are fitted to the end.
+/// Number of initial focal lengths from which the fit is carried to the end.
 const CARRIED: usize = 3;
 
-/// Computes the first fit from the corners and the size of the pictures alone.
+/// Computes the first fit from the detected corners `seen` and the size of the pictures alone.
 pub(super) fn first(seen: &[(usize, Vec<Sighting>)], size: [usize; 2], shape: Shape) -> Option<Fit> {
     let middle = Vector2::new(size[0] as f64 - 1.0, size[1] as f64 - 1.0) * 0.5;
     let half = 0.5 * size[0].max(size[1]) as f64;
@@ -55,8 +55,8 @@ struct Trial {
     fit: Fit,
 }
 
-/// Computes the poses of all boards for a camera. The error is the sum of the root mean square errors of the boards in pixels, each limited
-/// to 50; a board without a pose counts as 50.
+/// Computes the poses of all boards for a given camera. The error is the sum of the root mean square errors of the boards in pixels, each
+/// limited to 50; a board without a pose counts as 50.
 fn placed(model: Model, seen: &[(usize, Vec<Sighting>)]) -> Option<Trial> {
     let place = |(picture, seen): &(usize, Vec<Sighting>)| {
         let pose = from_directions(&model.camera, &model.shape, seen)?;
@@ -71,29 +71,29 @@ fn placed(model: Model, seen: &[(usize, Vec<Sighting>)]) -> Option<Trial> {
     error.is_finite().then_some(Trial { error, fit: Fit { model, views, pictures } })
 }
 
-/// Returns the root mean square of vectors, over both components.
+/// Returns the root mean square of `values`, over both components of each vector.
 pub(super) fn root_mean_square(values: impl Iterator<Item = Vector2<f64>>) -> f64 {
     let (count, sum) = values.fold((0usize, 0.0), |(n, sum), v| (n + 1, sum + v.norm_squared()));
     if count == 0 { 0.0 } else { (sum / count as f64).sqrt() }
 }
 
 impl Fit {
-    /// Returns the root mean square distance of all corners from their computed pixels.
+    /// Returns the root mean square distance of all corners from their computed pixels, pixels.
     pub fn rms(&self) -> f64 {
         root_mean_square(self.views.iter().flat_map(|view| view.residuals(&self.model)))
     }
 
-    /// Returns the number of accepted corners.
+    /// Returns the number of accepted corners in all views.
     pub fn corners(&self) -> usize {
         self.views.iter().map(|view| view.seen.len()).sum()
     }
 
-    /// Returns the largest residual, pixels.
+    /// Returns the largest distance of a corner from its computed pixel, pixels.
     pub fn largest(&self) -> f64 {
         self.views.iter().flat_map(|view| view.residuals(&self.model)).map(|r| r.norm()).fold(0.0, f64::max)
     }
 
-    /// Returns the standard deviation of one coordinate of a corner, pixels, computed from the median residual and therefore independent of
+    /// Returns the standard deviation of one coordinate of a corner, pixels. It is computed from the median residual and does not depend on
     /// outliers.
     pub fn sigma(&self) -> f64 {
         let mut lengths: Vec<f64> =
@@ -118,12 +118,12 @@ impl Fit {
         before.saturating_sub(self.corners())
     }
 
-    /// Fits by plain least squares.
+    /// Fits the camera and the poses by plain least squares.
     pub fn polish(&mut self) {
         solve(&mut self.model, &mut self.views, PLAIN, Free::All, 40);
     }
 
-    /// Rejects corners beyond four standard deviations or [`LARGEST_PX`], and views with too few corners.
+    /// Rejects corners that are off by more than four standard deviations or [`LARGEST_PX`], and views with too few corners.
     fn reject(&mut self) -> usize {
         let before = self.corners();
         let most = (4.5 * self.sigma()).clamp(0.05, LARGEST_PX);

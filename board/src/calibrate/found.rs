@@ -12,16 +12,16 @@ pub(super) const FEWEST: usize = 8;
 /// The board that was detected in one picture.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Found {
-    /// Corners of the board; empty if no board was detected.
+    /// Detected corners of the board; empty if no board was detected.
     pub seen: Vec<Sighting>,
-    /// Number of corners of a second grid of the same kind.
+    /// Number of corners of a second grid of squares in the picture.
     pub second: usize,
     /// Evidence of mirroring from the board's marks or squares: above 0 for a mirrored picture, below 0 for a picture that is not mirrored.
     pub mirror: i32,
 }
 
-/// Returns the corners of a grid at sub-pixel accuracy, row by row; `part` is the share of a square's side around a corner without other
-/// patterns.
+/// Returns the corners of a grid at sub-pixel accuracy, row by row; `part` is the fraction of a square's side around a corner that has no
+/// other pattern.
 pub(super) fn refined(grey: &Grey, grid: &Grid, scale: f64, part: f64) -> Vec<Sighting> {
     let mut cells: Vec<_> = grid.iter().collect();
     cells.sort_unstable_by_key(|([i, j], _)| (*j, *i));
@@ -32,12 +32,12 @@ pub(super) fn refined(grey: &Grey, grid: &Grid, scale: f64, part: f64) -> Vec<Si
     cells.into_iter().filter_map(one).collect()
 }
 
-/// Returns the half-size of the window for a corner whose shortest edge has `side` pixels.
+/// Returns half the side of the window in which a corner is refined, pixels; the shortest edge at the corner has `side` pixels.
 pub(super) fn window(side: f64) -> f64 {
     (0.4 * side).clamp(2.0, 9.0)
 }
 
-/// Returns the length of the shortest edge at a corner, pixels.
+/// Returns the length of the shortest edge from a corner of the grid to its neighbours, pixels.
 fn side(grid: &Grid, [i, j]: Cell) -> f64 {
     let here = grid[&[i, j]];
     let beside = [[i + 1, j], [i - 1, j], [i, j + 1], [i, j - 1]];

@@ -4,11 +4,11 @@ use super::Grey;
 use crate::calibration::{Burst, Calibration, Frame};
 use hemilux_core::{Response, read_rgb_row};
 
-/// Largest accepted share of clipped pixels.
+/// Largest accepted fraction of clipped pixels in a frame, 0 to 1.
 const MOST_CLIPPED: f64 = 0.01;
 
-/// Returns the longest exposure with few clipped pixels, else the shortest exposure, as a grey picture of the frame's size; `None` if a
-/// frame is incomplete.
+/// Returns the frame with the longest exposure that has few clipped pixels, else that with the shortest exposure, as a grey picture of the
+/// frame's size; `None` if a frame is incomplete.
 #[must_use]
 pub fn grey_of(burst: &Burst, calibration: &Calibration) -> Option<Grey> {
     let mut best = None;
@@ -23,8 +23,8 @@ pub fn grey_of(burst: &Burst, calibration: &Calibration) -> Option<Grey> {
     best
 }
 
-/// Converts a frame to a grey picture of its green channel, which mosaics sample most densely; linear frames are converted by a curve that
-/// keeps codes in the shadows.
+/// Converts a frame to a grey picture of its green channel, which has the most samples in a mosaic; linear frames are converted by a curve
+/// that preserves differences in the shadows.
 #[must_use]
 pub fn grey(frame: &Frame, calibration: &Calibration) -> Option<Grey> {
     let layout = &calibration.layout;

@@ -30,18 +30,18 @@ impl Grey {
         &self.pixels
     }
 
-    /// Returns the sample at a column and a row.
+    /// Returns the sample of the picture at column `x` and row `y`.
     pub(super) fn code(&self, x: usize, y: usize) -> f64 {
         f64::from(self.pixels[y * self.width + x])
     }
 
-    /// Returns whether the square of half-size `margin` pixels around a point lies in the picture.
+    /// Returns whether the square with `margin` pixels on each side of the point `at` lies in the picture.
     pub(super) fn holds(&self, at: Vector2<f64>, margin: f64) -> bool {
         let inside = |v: f64, size: usize| v >= margin && v + margin <= size as f64 - 1.0;
         inside(at.x, self.width) && inside(at.y, self.height)
     }
 
-    /// Returns the bilinear sample at a point; outside of the picture, the sample of the nearest pixel.
+    /// Returns the bilinear sample of the picture at the point `at`; outside of the picture, the sample of the nearest pixel.
     pub(super) fn sample(&self, at: Vector2<f64>) -> f64 {
         let x = at.x.clamp(0.0, (self.width - 1) as f64);
         let y = at.y.clamp(0.0, (self.height - 1) as f64);

@@ -1,4 +1,4 @@
-//! Joins corners to the grid of a chessboard, square by square, so that the lines may be curved.
+//! Joins the corners in a picture to the grid of a chessboard, square by square, so that the lines of the grid may be curved.
 
 use super::corners::{Corner, alternates};
 use super::grey::Grey;
@@ -12,14 +12,14 @@ const BEND: f64 = 0.45;
 /// Column and row of a corner on the board.
 pub(super) type Cell = [i32; 2];
 
-/// Corners of one board.
+/// Pixels of the corners of one board in a picture, by column and row.
 pub(super) type Grid = HashMap<Cell, Vector2<f64>>;
 
-/// The neighbour of a corner along one of its four edges.
+/// The link from a corner to its neighbour along one of the corner's four edges.
 #[derive(Clone, Copy)]
 struct Link {
     to: usize,
-    /// Index of the edge of the neighbour that leads back.
+    /// Index of the neighbour's edge that leads back to the corner.
     back: usize,
 }
 
@@ -39,13 +39,13 @@ pub(super) fn grids(corners: &[Corner]) -> Vec<Grid> {
     grids
 }
 
-/// Returns the absolute difference of two directions, radians.
+/// Returns the absolute angle between two directions, radians.
 fn turn(a: f64, b: f64) -> f64 {
     let d = (a - b).rem_euclid(TAU);
     d.min(TAU - d)
 }
 
-/// Finds the nearest corner along each edge of each corner.
+/// Finds the nearest corner along each edge of each corner in `corners`.
 fn nearest(corners: &[Corner]) -> Links {
     let along = |from: usize, edge: usize| {
         let here = &corners[from];
@@ -58,7 +58,7 @@ fn nearest(corners: &[Corner]) -> Links {
 
 /// A corner that lies along an edge of another corner.
 struct Reached {
-    /// Distance in pixels, larger the less the edges of both corners are aligned.
+    /// Distance between the corners in pixels, increased where their edges are not aligned.
     cost: f64,
     link: Link,
 }
@@ -68,7 +68,7 @@ fn reach(here: &Corner, edge: usize, to: usize, there: &Corner) -> Option<Reache
     let line = there.at - here.at;
     let direction = line.y.atan2(line.x);
     let bend = turn(direction, here.edges[edge]);
-    // Sectors alternate from corner to corner: an even edge of one corner is an odd edge of the next.
+    // Dark and bright sectors alternate from corner to corner: an even edge of one corner is an odd edge of the next.
     let backward =
         [(edge + 1) % 4, (edge + 3) % 4].map(|back| (turn(direction + PI, there.edges[back]), back));
     let (bend_there, back) = if backward[0].0 < backward[1].0 { backward[0] } else { backward[1] };
@@ -76,7 +76,7 @@ fn reach(here: &Corner, edge: usize, to: usize, there: &Corner) -> Option<Reache
     fits.then(|| Reached { cost: line.norm() * (1.0 + bend + bend_there), link: Link { to, back } })
 }
 
-/// Keeps the links that exist in both directions.
+/// Returns the links between corners that exist in both directions.
 fn mutual(links: &Links) -> Links {
     let agreed = |from: usize, edge: usize| {
         let link = links[from][edge]?;
@@ -90,14 +90,14 @@ fn mutual(links: &Links) -> Links {
 struct GridCorner {
     corner: usize,
     cell: Cell,
-    /// Index of the edge that points to the next column.
+    /// Index of the corner's edge that points to the next column.
     first: usize,
 }
 
-/// Steps along the four edges, beginning with the edge that points to the next column.
+/// Steps in columns and rows along the four edges of a corner, beginning with the edge that points to the next column.
 const STEPS: [Cell; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
 
-/// Returns the grid of all corners that links connect with a start corner.
+/// Returns the grid of all corners that links connect with the corner `start`.
 fn spread(corners: &[Corner], links: &Links, start: usize, seen: &mut [bool]) -> Grid {
     let mut grid = Grid::new();
     let mut queue = VecDeque::from([GridCorner { corner: start, cell: [0, 0], first: 0 }]);
@@ -128,14 +128,14 @@ pub(super) struct Predicted {
     pub side: f64,
 }
 
-/// A prediction from corners on one line, with its weight.
+/// A prediction of a corner's pixel from corners on one line, with the weight of the prediction.
 struct Guess {
     weight: f64,
     at: Vector2<f64>,
     side: f64,
 }
 
-/// Predicts the pixel of a corner from its neighbours in the grid; `None` if it has too few.
+/// Predicts the pixel of the corner at `cell` from its neighbours in the grid; `None` if it has too few.
 pub(super) fn predict(grid: &Grid, cell: Cell) -> Option<Predicted> {
     let mut guesses: Vec<Guess> = Vec::new();
     for [di, dj] in STEPS {
@@ -157,7 +157,7 @@ pub(super) fn predict(grid: &Grid, cell: Cell) -> Option<Predicted> {
     Some(Predicted { at: guesses.iter().map(|g| g.at * g.weight).sum::<Vector2<f64>>() / weight, side })
 }
 
-/// Adds the corners that lie at the predicted positions beside the grid.
+/// Adds to the grid those of `corners` that lie at predicted positions next to the grid.
 pub(super) fn extend(grid: &mut Grid, corners: &[Corner]) {
     let mut grown = true;
     while grown {
@@ -175,7 +175,7 @@ pub(super) fn extend(grid: &mut Grid, corners: &[Corner]) {
     }
 }
 
-/// Returns the empty cells beside a grid's corners.
+/// Returns the empty cells next to the corners of a grid.
 fn frontier(grid: &Grid) -> Vec<Cell> {
     let beside = |cell: &Cell| STEPS.map(|step| [cell[0] + step[0], cell[1] + step[1]]);
     let mut cells: Vec<Cell> = grid.keys().flat_map(beside).filter(|cell| !grid.contains_key(cell)).collect();
@@ -184,7 +184,7 @@ fn frontier(grid: &Grid) -> Vec<Cell> {
     cells
 }
 
-/// Removes corners around which black and white squares do not alternate.
+/// Removes from the grid the corners around which black and white squares do not alternate.
 pub(super) fn prune(grid: &mut Grid, grey: &Grey) {
     let before = grid.clone();
     grid.retain(|cell, at| {
@@ -196,7 +196,7 @@ pub(super) fn prune(grid: &mut Grid, grey: &Grey) {
     });
 }
 
-/// Returns the vector from a corner to the next one along an axis.
+/// Returns the vector from the corner at `cell` to the next one along an axis of the grid, pixels.
 fn edge(grid: &Grid, cell: Cell, axis: usize) -> Option<Vector2<f64>> {
     let at = |n: i32| {
         let mut beside = cell;

@@ -6,24 +6,24 @@ use super::sighting::Sighting;
 use super::{Calibrated, Grey, LensRefusal, detect, lens};
 use std::f64::consts::TAU;
 
-/// Largest number of stored pictures.
+/// Largest number of pictures that the guide stores.
 pub const MOST_VIEWS: usize = 40;
 
-/// Largest number of bytes of the stored pictures.
+/// Largest number of bytes of the stored pictures in total.
 const MOST_BYTES: usize = 160 << 20;
 
-/// Number of rings of the view over which boards must be spread.
+/// Number of rings into which the field of view is divided; boards must be spread over all of them.
 pub const RINGS: usize = 3;
-/// Number of sectors of each ring.
+/// Number of sectors into which each ring of the field of view is divided.
 pub const SECTORS: usize = 8;
 
-/// Largest motion of a board between two pictures that counts as still, in picture widths.
+/// Largest motion of a board between two pictures at which the board counts as still, in picture widths.
 const STILL: f64 = 0.0015;
 
-/// Least motion of a board from all stored pictures that counts as new, in picture widths.
+/// Least motion of a board from its position in each stored picture at which the position counts as new, in picture widths.
 const NEW: f64 = 0.05;
 
-/// Least slope of an edge in a sharp picture, as a part of its contrast per pixel.
+/// Least slope of the edges in a sharp picture, in edge contrasts per pixel.
 const SHARP: f64 = 0.12;
 
 /// Result of offering a picture to the guide.
@@ -35,18 +35,18 @@ pub enum Offer {
     Moving,
     /// The picture is blurred.
     Blurred,
-    /// The board is at a position at which a picture is stored already.
+    /// The board is at the position that it has in a stored picture.
     Known,
-    /// The size of the picture differs from that of the pictures before.
+    /// The size of the picture differs from that of the earlier pictures.
     OtherSize,
-    /// The largest number of pictures is stored.
+    /// The largest number of pictures is stored already.
     Full,
-    /// The picture was stored.
+    /// The picture was stored for the calibration.
     Taken,
 }
 
 impl Offer {
-    /// Returns the advice for the user, one sentence.
+    /// Returns the advice for the user on this result, one sentence.
     #[must_use]
     pub fn advice(self) -> &'static str {
         match self {
@@ -61,18 +61,18 @@ impl Offer {
     }
 }
 
-/// Number of corners in each part of the view.
+/// Number of board corners in each part of the field of view.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ViewCoverage {
     /// Number of corners by ring, from the centre to the rim, and by sector, clockwise from the right.
     pub corners: [[usize; SECTORS]; RINGS],
 }
 
-/// Least number of corners of a covered part.
+/// Least number of corners in a part of the field of view that counts as covered.
 const FEWEST_CORNERS: usize = 6;
 
 impl ViewCoverage {
-    /// Returns whether a part is covered.
+    /// Returns whether the part in `ring` and `sector` is covered.
     #[must_use]
     pub fn has(&self, ring: usize, sector: usize) -> bool {
         // The sectors of the innermost ring are small and are counted together.
@@ -81,14 +81,14 @@ impl ViewCoverage {
         own >= FEWEST_CORNERS || (ring == 0 && inner())
     }
 
-    /// Returns the share of the parts that are covered, 0 to 1.
+    /// Returns the fraction of the parts that are covered, 0 to 1.
     #[must_use]
     pub fn share(&self) -> f64 {
         let parts = (0..RINGS).flat_map(|ring| (0..SECTORS).map(move |sector| (ring, sector)));
         parts.filter(|(ring, sector)| self.has(*ring, *sector)).count() as f64 / (RINGS * SECTORS) as f64
     }
 
-    /// Returns the name of the part of the view with the fewest corners; `None` if all parts are covered.
+    /// Returns the name of the part of the field of view with the fewest corners; `None` if all parts are covered.
     #[must_use]
     pub fn lacking(&self) -> Option<String> {
         const PLACES: [&str; SECTORS] = [
@@ -115,16 +115,16 @@ impl ViewCoverage {
     }
 }
 
-/// Selects pictures of a board from a stream.
+/// Selects pictures of a board from a stream for the calibration of a lens.
 #[derive(Clone, Debug)]
 pub struct Guide {
     request: Request,
     size: Option<[usize; 2]>,
     pictures: Vec<Picture>,
     found: Vec<Found>,
-    /// Corners of the board in the picture before.
+    /// Corners of the board in the picture that was offered last.
     last: Vec<Sighting>,
-    /// Number of offered pictures.
+    /// Number of pictures that were offered.
     offered: usize,
 }
 
@@ -135,19 +135,19 @@ impl Guide {
         Self { request, size: None, pictures: Vec::new(), found: Vec::new(), last: Vec::new(), offered: 0 }
     }
 
-    /// Returns the number of stored pictures.
+    /// Creates a guide without stored pictures.
     #[must_use]
     pub fn views(&self) -> usize {
         self.pictures.len()
     }
 
-    /// Returns the pixels of the corners of each stored picture.
+    /// Returns the pixels of the detected corners of each stored picture.
     #[must_use]
     pub fn corners(&self) -> Vec<Vec<[f64; 2]>> {
         self.found.iter().map(|found| found.seen.iter().map(|s| [s.at.x, s.at.y]).collect()).collect()
     }
 
-    /// Returns the pixels of the corners of the last offered picture.
+    /// Returns the pixels of the detected corners of the picture that was offered last.
     #[must_use]
     pub fn last(&self) -> Vec<[f64; 2]> {
         self.last.iter().map(|s| [s.at.x, s.at.y]).collect()
@@ -195,13 +195,13 @@ impl Guide {
         self.found.pop();
     }
 
-    /// Returns the parts of the view that boards have covered.
+    /// Returns the number of corners in each part of the field of view over all stored pictures.
     #[must_use]
     pub fn coverage(&self) -> ViewCoverage {
         let mut coverage = ViewCoverage::default();
         let Some([width, height]) = self.size else { return coverage };
         let middle = [0.5 * (width as f64 - 1.0), 0.5 * (height as f64 - 1.0)];
-        // The image circle is assumed to fill the shorter side.
+        // The image circle is assumed to fill the shorter side of the picture.
         let radius = 0.5 * width.min(height) as f64;
         for s in self.found.iter().flat_map(|found| &found.seen) {
             let (x, y) = (s.at.x - middle[0], s.at.y - middle[1]);
@@ -224,8 +224,8 @@ impl Guide {
     }
 }
 
-/// Returns the mean motion of the corners that both pictures have; `None` if they have less than half in common, since the corners may then be
-/// numbered differently.
+/// Returns the mean motion between two pictures of the corners that both have, pixels; `None` if fewer than half of the corners are in both,
+/// since they may then be numbered differently.
 fn motion(now: &[Sighting], before: &[Sighting]) -> Option<f64> {
     let way =
         |s: &Sighting| before.iter().find(|other| other.cell == s.cell).map(|other| (other.at - s.at).norm());
@@ -233,7 +233,7 @@ fn motion(now: &[Sighting], before: &[Sighting]) -> Option<f64> {
     (2 * ways.len() >= now.len().max(1)).then(|| ways.iter().sum::<f64>() / ways.len() as f64)
 }
 
-/// Returns the median slope of the edges between neighbouring corners, as a part of their contrast per pixel.
+/// Returns the median slope of the edges between neighbouring corners, in edge contrasts per pixel.
 fn sharpness(grey: &Grey, seen: &[Sighting]) -> f64 {
     let right = |s: &Sighting| seen.iter().find(|other| other.cell == [s.cell[0] + 1, s.cell[1]]).copied();
     let slope = |s: &Sighting| {

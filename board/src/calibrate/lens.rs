@@ -14,13 +14,13 @@ use glam::DVec2;
 use hemilux_core::lens::{Intrinsics, Lens, Model};
 use nalgebra::Vector2;
 
-/// Largest accepted error of a fit, pixels.
+/// Largest accepted root mean square error of a fit, pixels.
 const MOST_RMS_PX: f64 = 1.2;
 
-/// Angle beyond the outermost corner up to which the fitted law is used, radians.
+/// Angle beyond the outermost corner of all boards up to which the fitted law is used, radians.
 const BEYOND: f64 = 0.14;
 
-/// A detected corner and its residual.
+/// A detected corner and its distance from the computed pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Residual {
     /// Pixel of the detected corner.
@@ -47,17 +47,17 @@ pub struct Calibrated {
     pub lens: Lens,
     /// Columns and rows of the pictures.
     pub size: [usize; 2],
-    /// Board of the pictures.
+    /// Board that the pictures show.
     pub board: Printed,
-    /// The contribution of each picture.
+    /// The contribution of each picture to the lens.
     pub used: Vec<Used>,
-    /// Number of corners that were detected and rejected.
+    /// Number of corners that were detected and rejected as outliers.
     pub left_out: usize,
     /// Root mean square distance between detected and computed corners, pixels.
     pub rms_px: f64,
     /// Largest distance between a detected and a computed corner, pixels.
     pub largest_px: f64,
-    /// Angle from the axis of the outermost corner, degrees.
+    /// Angle from the axis of the outermost accepted corner, degrees.
     pub covered_deg: f64,
     /// Standard deviations of the focal lengths and the centre, pixels, and of k1 to k4.
     pub deviations: Deviations,
@@ -76,7 +76,7 @@ impl Calibrated {
         self.used.iter().filter(|used| used.corners > 0).count()
     }
 
-    /// Returns the number of accepted corners.
+    /// Returns the number of accepted corners of all pictures.
     #[must_use]
     pub fn corners(&self) -> usize {
         self.residuals.len()
@@ -93,7 +93,7 @@ pub fn calibrate(pictures: &[Picture], request: &Request) -> Result<Calibrated, 
     fitted(pictures, &found, request, size)
 }
 
-/// Computes the lens from `pictures` whose corners `found` were detected before.
+/// Computes the lens from `pictures`, in which the corners `found` have been detected.
 pub(super) fn fitted(
     pictures: &[Picture],
     found: &[Found],
@@ -131,7 +131,7 @@ fn detect(picture: &Picture, board: &Printed) -> Result<Found, LensRefusal> {
     found.map_err(|e| LensRefusal::Detector { name: picture.name.clone(), found: e.to_string() })
 }
 
-/// Searches for missing corners in all pictures.
+/// Searches all pictures for missing corners at the positions that the fit predicts.
 fn complete(pictures: &[Picture], fit: &mut Fit, board: &Printed) {
     for (view, picture) in fit.views.iter_mut().zip(&fit.pictures) {
         detect::complete(&pictures[*picture].grey, &fit.model, view, board);
@@ -183,13 +183,14 @@ fn residuals(fit: &Fit) -> Vec<Residual> {
     fit.views.iter().flat_map(of_view).collect()
 }
 
-/// Returns the angle of the outermost corner from the axis, radians.
+/// Returns the angle from the axis of the outermost accepted corner, radians.
 fn covered(fit: &Fit) -> f64 {
     let seen = fit.views.iter().flat_map(|view| &view.seen);
     seen.map(|s| fit.model.camera.direction(s.at)).map(|d| d.xy().norm().atan2(d.z)).fold(0.0, f64::max)
 }
 
-/// Returns the lens up to [`BEYOND`] the outermost corner, limited by the range in which the law increases and by the picture's edge.
+/// Returns the lens for directions up to [`BEYOND`] the outermost corner, further limited by the angle up to which the law increases and by
+/// the picture's edge.
 fn lens(camera: &Camera, covered: f64, size: [usize; 2]) -> Option<Lens> {
     let (focal, centre) = (camera.focal(), camera.centre());
     let farthest = [[0, 0], [size[0] - 1, 0], [0, size[1] - 1], [size[0] - 1, size[1] - 1]]

@@ -1,4 +1,4 @@
-//! Writing of lens files with their accuracy and origin.
+//! Writing of lens files: the lens, its accuracy and its origin.
 
 use super::{Calibrated, CircleLens, FittedResponse, FittedVignetting, Kind};
 use crate::replacement;
@@ -13,17 +13,17 @@ pub enum FileRefusal {
     /// The existing file is better than the new lens, or its accuracy is unknown.
     #[error("{path}: found {found}, expected a worse lens or none: use --force to overwrite it")]
     Better {
-        /// Path of the file.
+        /// Path of the lens file.
         path: String,
-        /// Description of the existing file.
+        /// Description of the lens in the existing file.
         found: String,
     },
     /// The file cannot be written or read.
     #[error("{path}: found {found}, expected a file that can be written")]
     Io {
-        /// Path of the file.
+        /// Path of the lens file.
         path: String,
-        /// Description of the fault.
+        /// Description of the error.
         found: String,
     },
 }
@@ -31,7 +31,7 @@ pub enum FileRefusal {
 /// Largest size of a lens file that is read, bytes.
 const MOST_BYTES: u64 = 1 << 20;
 
-/// Properties of the pictures that the user states.
+/// Properties of the calibration pictures that the user states.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stated {
     /// Side of a square of the board, millimetres.
@@ -42,7 +42,7 @@ pub struct Stated {
     pub binning: Option<[u32; 2]>,
 }
 
-/// Writes the lens to a file; the tables `[response]` and `[sensor]` and the vignetting of an existing file are kept.
+/// Writes the lens to the file at `path`; the tables `[response]` and `[sensor]` and the vignetting of an existing file are kept.
 ///
 /// # Errors
 /// [`FileRefusal`]: without `force`, an existing file is kept if it states a smaller uncertainty, a larger covered field, or no accuracy.
@@ -61,7 +61,7 @@ pub(super) fn failed(path: &Path, found: &dyn std::fmt::Display) -> FileRefusal 
     FileRefusal::Io { path: path.display().to_string(), found }
 }
 
-/// Reads the existing file; returns an empty document if there is none. A file of another kind is replaced only with `force`.
+/// Reads the lens file at `path`; returns an empty document if there is none. A file of another kind is replaced only with `force`.
 pub(super) fn read(path: &Path, force: bool) -> Result<DocumentMut, FileRefusal> {
     use std::io::Read;
     let file = match std::fs::File::open(path) {
@@ -83,7 +83,7 @@ pub(super) fn read(path: &Path, force: bool) -> Result<DocumentMut, FileRefusal>
 /// The accuracy of a lens.
 #[derive(Clone, Copy, Debug)]
 struct Accuracy {
-    /// Mean uncertainty over the angles, degrees.
+    /// Mean uncertainty of directions over the angles from the axis, degrees.
     typical_deg: f64,
     covered_deg: f64,
 }
@@ -103,14 +103,14 @@ fn better(document: &DocumentMut, new: Accuracy) -> Option<String> {
             "a lens of {uncertainty:.3} degrees uncertainty, smaller than the new one's {typical_deg:.3}"
         ));
     }
-    // The field of an image circle's lens is a statement of the user, not an angle that pictures of a board cover.
+    // The field of a lens from an image circle is a statement of the user, not an angle that pictures of a board cover.
     let is_measured = number("circle_px").is_none();
     let larger = is_measured && covered > covered_deg + 3.0;
     larger
         .then(|| format!("a lens that covers {covered:.1} degrees, more than the new one's {covered_deg:.1}"))
 }
 
-/// Writes the lens of an image circle to a file; the tables and the vignetting of an existing file are kept.
+/// Writes the lens of an image circle to the file at `path`; the tables and the vignetting of an existing file are kept.
 ///
 /// # Errors
 /// [`FileRefusal`]: without `force`, an existing file is kept if it states a smaller uncertainty or none.
@@ -140,7 +140,7 @@ pub fn write_circle(path: &Path, new: &CircleLens, force: bool) -> Result<(), Fi
     save(path, &document.to_string())
 }
 
-/// Replaces the lens and its statement in the document; the vignetting is kept.
+/// Replaces the lens in the document and the statement of its accuracy; the vignetting is kept.
 fn replace(document: &mut DocumentMut, mut lens: Table, statement: Table) {
     if document.get("version").is_none() {
         document["version"] = value(1);
@@ -152,7 +152,7 @@ fn replace(document: &mut DocumentMut, mut lens: Table, statement: Table) {
     document["calibration"] = Item::Table(statement);
 }
 
-/// Returns the mean uncertainty over the angles, degrees.
+/// Returns the mean uncertainty of directions over the angles from the axis, degrees.
 #[must_use]
 fn typical(calibrated: &Calibrated) -> f64 {
     let count = calibrated.spread.len().max(1) as f64;
@@ -209,7 +209,7 @@ pub fn write_vignetting(path: &Path, fitted: &FittedVignetting, force: bool) -> 
     save(path, &document.to_string())
 }
 
-/// Returns the `[response]` table as TOML text.
+/// Returns the `[response]` table of a lens file as TOML text.
 #[must_use]
 pub fn response_text(fitted: &FittedResponse) -> String {
     let mut document = DocumentMut::new();
@@ -230,7 +230,7 @@ fn array(values: impl IntoIterator<Item = f64>) -> Item {
     value(values.into_iter().collect::<Array>())
 }
 
-/// Returns an array of tables.
+/// Returns a TOML array of `tables`.
 pub(super) fn array_of(tables: impl Iterator<Item = Table>) -> Item {
     Item::ArrayOfTables(tables.collect())
 }
@@ -288,7 +288,7 @@ fn statement(calibrated: &Calibrated, square_mm: Option<f64>) -> Table {
     table
 }
 
-/// Writes a file atomically: a reader gets the old or the new content.
+/// Writes `text` to the file at `path` atomically: a reader gets the old or the new content.
 pub(super) fn save(path: &Path, text: &str) -> Result<(), FileRefusal> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let mut file = replacement::create(folder).map_err(|e| failed(path, &e))?;
@@ -297,7 +297,7 @@ pub(super) fn save(path: &Path, text: &str) -> Result<(), FileRefusal> {
     file.persist(path).map(|_| ()).map_err(|e| failed(path, &e.error))
 }
 
-/// Makes a file readable for all users; temporary files are created for their owner alone.
+/// Makes the temporary file readable for all users, since such files are created for their owner alone.
 fn set_readable(file: &tempfile::NamedTempFile) -> std::io::Result<()> {
     use std::os::unix::fs::PermissionsExt;
     file.as_file().set_permissions(std::fs::Permissions::from_mode(0o644))

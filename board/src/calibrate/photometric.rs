@@ -9,21 +9,21 @@ use hemilux_core::{healpix, read_rgb_row};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::time::{Duration, Instant};
 
-/// The position of the luxmeter, with its reading.
+/// The position of the luxmeter, and its reading.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Method {
-    /// The meter lies next to the probe, level with it.
+    /// The luxmeter lies next to the probe, level with it.
     Direct {
         /// Reading of the luxmeter, lux.
         lux: f64,
         /// Assumed radiance of the part of the hemisphere outside of the lens's field of view.
         unseen: Unseen,
     },
-    /// The meter lies on a matt patch in the probe's field of view.
+    /// The luxmeter lies on a matt patch in the probe's field of view.
     Indirect {
         /// Outline of the patch, pixels: at least three corners in order.
         outline: Vec<DVec2>,
-        /// Share of the light that the patch reflects, 0 to 1.
+        /// Fraction of the light that the patch reflects, 0 to 1.
         reflectance: f64,
         /// Illuminance of the patch, lux.
         lux: f64,
@@ -31,7 +31,7 @@ pub enum Method {
 }
 
 impl Method {
-    /// Returns the name of the method in calibration files.
+    /// Returns the name of the method in lens files.
     #[must_use]
     pub fn name(&self) -> &'static str {
         match self {
@@ -53,17 +53,17 @@ pub enum Unseen {
     Dark,
 }
 
-/// Reasons why no factor is measured: one line with the remedy.
+/// Reasons why no photometric factor is measured; the text is one line with the remedy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PhotometricRefusal {
     /// The source delivered no bursts.
     #[error("source: found {0}, expected bursts")]
     Source(String),
-    /// The calibration does not allow a radiance map.
+    /// The calibration of the source does not allow a radiance map.
     #[error("{0}")]
     Pipeline(String),
-    /// Pixels clip in the shortest exposure.
+    /// Pixels of the hemisphere clip in the shortest exposure.
     #[error(
         "found {percent:.4} % of the hemisphere clipped in the shortest exposure, expected none: add a shorter exposure, or measure in other light"
     )]
@@ -76,25 +76,25 @@ pub enum PhotometricRefusal {
         "--patch: found pixels that clip in the shortest exposure, expected none: add a shorter exposure, or light the patch less"
     )]
     PatchClips,
-    /// The mean radiance is 0.
+    /// The mean radiance over the field of view or the patch is 0.
     #[error("found no light, expected a lit scene: {0}")]
     Dark(&'static str),
-    /// The outline encloses too few texels.
+    /// The outline of the patch encloses too few texels of the map.
     #[error(
         "--patch: found an outline that holds {texels} texels of the map, expected at least {least}: give the corners of a larger patch in order, inside the image circle"
     )]
     Outline {
-        /// Number of texels inside of the outline.
+        /// Number of texels inside of the outline of the patch.
         texels: usize,
         /// Least number of texels that a patch must contain.
         least: usize,
     },
-    /// The light changed during the measurement.
+    /// The light changed from burst to burst during the measurement.
     #[error(
         "found light that varied by {percent:.1} % between bursts, expected at most 10: wait for steady light, and keep people and shadows away"
     )]
     Unsteady {
-        /// Standard deviation between bursts, per cent.
+        /// Standard deviation of the light between bursts, per cent of the mean.
         percent: f64,
     },
 }
@@ -105,18 +105,18 @@ impl From<PipelineError> for PhotometricRefusal {
     }
 }
 
-/// One measurement of the factor; uncertainties are standard deviations.
+/// One measurement of the photometric factor; uncertainties are standard deviations.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FactorReading {
     /// Name of the method, `direct` or `indirect`.
     pub method: String,
-    /// Illuminance in lux per unit of irradiance.
+    /// Illuminance in lux per unit of relative irradiance.
     pub factor: f64,
-    /// Relative uncertainty of this reading alone, from noise, unevenness of the patch, and the unseen part of the hemisphere.
+    /// Relative uncertainty of this measurement alone, from noise, unevenness of the patch, and the unseen part of the hemisphere.
     pub own: f64,
-    /// Relative uncertainty that is common to all readings with the same meter.
+    /// Relative uncertainty that is common to all measurements with the same luxmeter.
     pub shared: f64,
-    /// Share of a level surface's irradiance that comes from outside of the lens's field of view under uniform radiance.
+    /// Fraction of a level surface's irradiance that comes from outside of the lens's field of view under uniform radiance, 0 to 1.
     pub unseen: f64,
 }
 
@@ -124,24 +124,24 @@ pub struct FactorReading {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Level {
     value: f64,
-    /// Standard deviation of the mean.
+    /// Standard deviation of the mean radiance.
     deviation: f64,
 }
 
-/// Largest accepted standard deviation between bursts, relative to their mean.
+/// Largest accepted standard deviation of the light between bursts, relative to the mean.
 const MOST_UNSTEADY: f64 = 0.10;
 
-/// Largest accepted clipped share of the hemisphere: below the solid angle of one pixel of most cameras.
+/// Largest accepted clipped fraction of the hemisphere: below the solid angle of one pixel of most cameras.
 const MOST_CLIPPED: f64 = 1e-6;
 
 /// HEALPix orders of the measured map in order of preference, from texels of half a degree: the first one that the pixels fill is used.
 const ORDERS: [u8; 4] = [7, 6, 5, 4];
 
-/// Longest time for all bursts of a measurement.
+/// Longest time in which all bursts of a measurement must arrive.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// Measures the factor over `bursts` bursts of `source`, whose radiance must be relative. `shared` is the relative standard deviation of the
-/// meter; for a patch, it includes that of its reflectance.
+/// Measures the photometric factor over `bursts` bursts of `source`, whose radiance must be relative. `shared` is the relative standard
+/// deviation of the luxmeter; for a patch, it includes that of the patch's reflectance.
 ///
 /// # Errors
 /// [`PhotometricRefusal`] if the light or the scene does not allow a measurement.
@@ -177,7 +177,7 @@ fn next(source: &mut dyn Source, burst: &mut Burst) -> Result<(), PhotometricRef
     }
 }
 
-/// Creates a pipeline with the finest map that the pixels fill.
+/// Creates a pipeline with the finest map whose texels all contain pixels.
 fn pipeline(calibration: &Calibration, source: &dyn Source) -> Result<Pipeline, PhotometricRefusal> {
     let make = |order: u8| {
         let settings = Settings { order: Some(order), ..Settings::default() };
@@ -192,7 +192,7 @@ fn pipeline(calibration: &Calibration, source: &dyn Source) -> Result<Pipeline, 
     Ok(made?)
 }
 
-/// Returns the quantity of one burst by which the meter's reading is divided: irradiance, or radiance times pi.
+/// Returns the quantity of one burst by which the luxmeter's reading is divided: irradiance, or radiance times pi.
 fn level(
     pipeline: &mut Pipeline,
     burst: &Burst,
@@ -238,7 +238,7 @@ fn combined(
     if scatter > MOST_UNSTEADY {
         return Err(PhotometricRefusal::Unsteady { percent: 100.0 * scatter });
     }
-    // The systematic part of the uncertainty is the same in all bursts; the scatter decreases with the number of bursts.
+    // The systematic part of the uncertainty is the same in all bursts; the random part decreases with the number of bursts.
     let same = levels.iter().map(|level| level.deviation).fold(0.0, f64::max) / mean;
     let own = same.hypot(scatter / count.sqrt());
     Ok(FactorReading { method: method.name().into(), factor: lux / mean, own, shared, unseen })
@@ -248,14 +248,14 @@ fn combined(
 const AZIMUTHS: usize = 360;
 const ANGLES: usize = 360;
 
-/// Width of the rim, in steps of the angle from the zenith: 5 degrees.
+/// Width of the rim of the field of view, in steps of the angle from the zenith: 5 degrees.
 const RIM: usize = 20;
 
 /// The part of the hemisphere in a camera's field of view.
 struct View {
-    /// For each azimuth, the number of visible steps of the angle from the zenith.
+    /// Number of visible steps of the angle from the zenith, for each azimuth.
     seen: Vec<usize>,
-    /// Share of the cosine-weighted hemisphere outside of the field of view.
+    /// Fraction of the cosine-weighted hemisphere outside of the field of view, 0 to 1.
     unseen: f64,
 }
 
@@ -265,7 +265,8 @@ fn direction(azimuth: usize, angle: usize) -> DVec3 {
     DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
 }
 
-/// Returns the irradiance of a level surface by radiance 1 between two angles of one azimuth's sector.
+/// Returns the irradiance of a level surface by a radiance of 1 in one azimuth's sector, between the steps `from` and `to` of the angle
+/// from the zenith.
 fn weight(from: usize, to: usize) -> f64 {
     let sine2 = |angle: usize| (FRAC_PI_2 * angle as f64 / ANGLES as f64).sin().powi(2);
     PI / AZIMUTHS as f64 * (sine2(to) - sine2(from))
@@ -283,7 +284,7 @@ impl View {
         Self { seen, unseen }
     }
 
-    /// Returns the irradiance of the whole hemisphere from the measured irradiance `seen` of its visible part.
+    /// Returns the irradiance of a level surface by the whole hemisphere, from the measured irradiance `seen` by the visible part.
     fn whole(&self, pipeline: &Pipeline, seen: f64, unseen: Unseen) -> Level {
         let average = if self.unseen < 1.0 { seen * self.unseen / (1.0 - self.unseen) } else { 0.0 };
         let rim = self.rim(pipeline);
@@ -292,7 +293,7 @@ impl View {
             Unseen::Average => average,
             Unseen::Dark => 0.0,
         };
-        // The uncertainty of the unseen part is at least one third of it, and at least the difference between the assumptions.
+        // The standard deviation of the unseen part is at least one third of it, and at least the difference between the assumptions.
         let deviation = match unseen {
             Unseen::Dark => rim / 10.0,
             _ => (0.5 * (rim - average).abs()).max(added / 3.0),
@@ -300,7 +301,7 @@ impl View {
         Level { value: seen + added, deviation }
     }
 
-    /// Returns the irradiance of the unseen part with the radiance of the rim at each azimuth.
+    /// Returns the irradiance of a level surface by the unseen part, if the radiance at each azimuth equals that at the rim.
     fn rim(&self, pipeline: &Pipeline) -> f64 {
         let one = |(azimuth, seen): (usize, &usize)| {
             let angles = seen.saturating_sub(RIM)..*seen;
@@ -312,17 +313,18 @@ impl View {
     }
 }
 
-/// Returns the luminance of the map in a direction.
+/// Returns the luminance of the radiance map in `direction`.
 fn radiance(pipeline: &Pipeline, direction: DVec3) -> f64 {
     let view = pipeline.front().map();
     let order = view.order().get();
     luminance(view.radiance(order, healpix::ipix(order, direction))).into()
 }
 
-/// Least number of texels of a patch.
+/// Least number of texels of the map inside of a patch.
 const FEWEST_TEXELS: usize = 12;
 
-/// Returns the Gaussian-weighted mean radiance of a patch and the standard deviation of the mean that the unevenness of the patch causes.
+/// Returns the Gaussian-weighted mean radiance of a patch, and the standard deviation of the mean that results from the unevenness of the
+/// patch.
 fn patch(pipeline: &Pipeline, outline: &[DVec2]) -> Result<Level, PhotometricRefusal> {
     let lens = pipeline.calibration().lens;
     let (order, quads) = (pipeline.front().order().get(), pipeline.sketch(u8::MAX));
@@ -365,7 +367,7 @@ fn patch_clips(burst: &Burst, calibration: &Calibration, outline: &[DVec2]) -> b
     })
 }
 
-/// Returns whether a point lies in a polygon, by the parity of the edges to its right.
+/// Returns whether the point `at` lies in the polygon `outline`, by the parity of the number of edges to its right.
 fn is_inside(outline: &[DVec2], at: DVec2) -> bool {
     let edges = outline.iter().zip(outline.iter().cycle().skip(1));
     let crosses = |(a, b): &(&DVec2, &DVec2)| {
@@ -374,7 +376,7 @@ fn is_inside(outline: &[DVec2], at: DVec2) -> bool {
     edges.filter(crosses).count() % 2 == 1
 }
 
-/// Returns the distance from a point inside a polygon to its nearest edge; 0 for a point outside.
+/// Returns the distance from the point `at` inside a polygon to the nearest edge; 0 for a point outside.
 fn inner_radius(outline: &[DVec2], at: DVec2) -> f64 {
     if outline.len() < 3 || !is_inside(outline, at) {
         return 0.0;

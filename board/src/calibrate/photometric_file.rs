@@ -6,11 +6,11 @@ use super::photometric::FactorReading;
 use std::path::Path;
 use toml_edit::{DocumentMut, Item, Table, value};
 
-/// Reasons why a reading is not stored.
+/// Reasons why a photometric reading is not stored.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum KeepRefusal {
-    /// The file cannot be read or written.
+    /// The lens file cannot be read or written.
     #[error(transparent)]
     File(#[from] FileRefusal),
     /// The reading differs too much from the earlier readings of its class.
@@ -19,48 +19,48 @@ pub enum KeepRefusal {
          name another --class for another kind of light, or --fresh to drop the earlier readings"
     )]
     Far {
-        /// Path of the file.
+        /// Path of the lens file.
         path: String,
-        /// Class of light source.
+        /// Class of the light source.
         class: String,
-        /// Difference from the earlier readings, per cent.
+        /// Difference from the factor of the earlier readings, per cent.
         percent: f64,
     },
-    /// The stored readings were made with other settings of the camera.
+    /// The stored readings were made with other settings of the camera than the new one.
     #[error(
         "{path}: found readings by another response, level or vignetting than the source has, expected readings of one camera: --fresh drops them"
     )]
     OtherCamera {
-        /// Path of the file.
+        /// Path of the lens file.
         path: String,
     },
 }
 
-/// A measurement and the values that are stored with it.
+/// A photometric reading and the values that are stored with it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Kept<'a> {
     /// The measured factor.
     pub reading: &'a FactorReading,
-    /// Class of light source.
+    /// Class of the light source.
     pub class: &'a str,
-    /// Value of [`crate::recorded::radiometry`] for the camera.
+    /// Value of [`crate::recorded::radiometry`] for the camera of the reading.
     pub camera: &'a str,
 }
 
-/// The readings of one class in a file.
+/// The readings of one class of light source in a lens file.
 #[derive(Clone, Debug)]
 pub struct KeptReadings {
-    /// The factor that results from the readings.
+    /// The photometric factor that results from the readings.
     pub factor: Factor,
-    /// Number of the readings.
+    /// Number of readings of the class.
     pub count: usize,
 }
 
-/// Adds a reading to the file at `path`, which need not exist, and writes the factor that results from the readings of its class. With `fresh`,
-/// earlier readings of the class and all readings of another camera are dropped.
+/// Adds a reading to the lens file at `path`, which need not exist, and writes the factor that results from the readings of its class. With
+/// `fresh`, earlier readings of the class and all readings of another camera are dropped.
 ///
 /// # Errors
-/// [`KeepRefusal`] if the reading does not fit the stored ones or the file cannot be written.
+/// [`KeepRefusal`] if the reading contradicts the stored ones or the file cannot be written.
 pub fn keep_reading(path: &Path, kept: &Kept<'_>, fresh: bool) -> Result<KeptReadings, KeepRefusal> {
     let mut document = read(path, false)?;
     let name = || path.display().to_string();
@@ -86,10 +86,10 @@ pub fn keep_reading(path: &Path, kept: &Kept<'_>, fresh: bool) -> Result<KeptRea
     Ok(KeptReadings { factor, count: readings.len() })
 }
 
-/// Returns the factor that results from the readings of a class in the file.
+/// Returns the factor that results from the readings of `class` in the lens file at `path`.
 ///
 /// # Errors
-/// [`FileRefusal`] if the file cannot be read.
+/// [`FileRefusal`] if the lens file cannot be read.
 pub fn kept_factor(path: &Path, class: &str) -> Result<Option<Factor>, FileRefusal> {
     Ok(combine(&earlier(&read(path, false)?, class)))
 }

@@ -14,15 +14,15 @@ use hemilux_core::lens::Lens;
 use hemilux_core::{Exposure, Format};
 use std::f64::consts::PI;
 
-/// Lux per unit of irradiance in these tests.
+/// Lux per unit of relative irradiance of the light in these tests.
 const TRUTH: f64 = 137.0;
 
 const SIDE: usize = 480;
 
-/// Radiance as a function of direction.
+/// Radiance of a scene as a function of direction.
 type RadianceOf = Box<dyn Fn(DVec3) -> f64 + Send>;
 
-/// A 16-bit camera in a scene, with noise proportional to each pixel's value.
+/// A 16-bit camera in a scene, with noise proportional to the value of each pixel.
 struct SceneCamera {
     calibration: Calibration,
     light: RadianceOf,
@@ -86,7 +86,7 @@ impl Source for SceneCamera {
     }
 }
 
-/// Returns the irradiance of a level surface by the directions up to `degrees` from the zenith.
+/// Returns the irradiance of a level surface by the light from directions up to `degrees` from the zenith.
 fn irradiance(light: &dyn Fn(DVec3) -> f64, degrees: f64) -> f64 {
     let (angles, azimuths) = (900, 900);
     let step = degrees.to_radians() / f64::from(angles);
@@ -153,7 +153,7 @@ fn unseen_part_is_corrected_and_its_share_reported() {
     assert!(dark.factor / TRUTH - 1.0 > 0.03, "{dark:?}");
 }
 
-/// A grey card of 20 degrees with known radiance, in a dim scene with another gradient.
+/// The patch is a grey card of 20 degrees with known radiance; the other scene is dim and has another gradient.
 #[test]
 fn indirect_calibration_measures_other_scenes_within_three_per_cent() {
     let (reflectance, lux) = (0.18, 900.0);
@@ -206,7 +206,7 @@ fn repeated_readings_reduce_all_uncertainty_but_the_meters() {
     let one = combine(&[reading(100.0)]).expect("a factor");
     assert!((one.uncertainty - 2.0 * 0.01f64.hypot(0.02)).abs() < 1e-9, "{one:?}");
     let four = combine(&[99.0, 101.0, 99.0, 101.0].map(reading)).expect("a factor");
-    // Four readings whose scatter, 1.155 %, exceeds their own uncertainty of 1 %: the scatter is used, divided by the root of 4.
+    // The scatter of the four readings, 1.155 %, exceeds their own uncertainty of 1 %: the scatter divided by the root of 4 is expected.
     let expected = 2.0 * (0.5 * 0.01 * (4f64 / 3.0).sqrt()).hypot(0.02);
     assert!((four.factor - 100.0).abs() < 1e-9 && (four.uncertainty - expected).abs() < 1e-6, "{four:?}");
     assert_eq!(combine(&[]), None);

@@ -1,28 +1,28 @@
-//! Computation of the pose of a board in the camera's axes.
+//! Computation of the pose of a calibration board in the camera's axes.
 
 use super::camera::Camera;
 use super::shape::Shape;
 use super::sighting::Sighting;
 use nalgebra::{Matrix3, Rotation3, SMatrix, Vector2, Vector3};
 
-/// Rotation and translation from the board's axes to the camera's.
+/// The pose of a board: rotation and translation from the board's axes to the camera's.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pose {
     /// Rotation from the board's axes to the camera's.
     pub turn: Rotation3<f64>,
-    /// Translation, in squares.
+    /// Position of the board's origin, the corner in column 0 and row 0, in the camera's axes, in squares.
     pub shift: Vector3<f64>,
 }
 
 impl Pose {
-    /// Returns a point of the board in the camera's axes.
+    /// Converts a point in the board's axes to the camera's axes, in squares.
     pub fn apply(&self, point: &Vector3<f64>) -> Vector3<f64> {
         self.turn * point + self.shift
     }
 }
 
-/// Computes the pose of a plane from the directions of its corners: the eigenvector of the least eigenvalue of the cross products, made
-/// orthonormal.
+/// Computes the pose of a flat board from the directions of its corners: the eigenvector of the least eigenvalue of the corners' cross
+/// products, made orthonormal.
 ///
 /// Directions beyond 90 degrees from the axis are used like all others.
 pub(super) fn from_directions(camera: &Camera, shape: &Shape, seen: &[Sighting]) -> Option<Pose> {
@@ -47,13 +47,13 @@ pub(super) fn from_directions(camera: &Camera, shape: &Shape, seen: &[Sighting])
     Some(Pose { turn: unit.turn, shift: unit.shift * spread - unit.turn * mean })
 }
 
-/// A corner in board coordinates (from the board's centre, in units of its size) with its pixel.
+/// A corner in board coordinates (from the board's centre, in units of the board's size) with its pixel.
 struct BoardPoint {
     at: Vector3<f64>,
     pixel: Vector2<f64>,
 }
 
-/// Converts two columns and a translation to a rotation and a translation in front of the camera.
+/// Converts the first two columns of a rotation and a translation to a pose in front of the camera.
 fn upright(camera: &Camera, placed: &[BoardPoint], [a, b, t]: [Vector3<f64>; 3]) -> Option<Pose> {
     let facing: f64 = placed
         .iter()

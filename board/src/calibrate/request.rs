@@ -15,9 +15,10 @@ pub struct Picture {
 /// Board and options of a calibration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Request {
-    /// Board of the pictures.
+    /// Board that the pictures show.
     pub board: Printed,
-    /// True if pictures are accepted of which all appear mirrored by their squares, since the board may be printed in inverted colours.
+    /// True if pictures are accepted all of which appear mirrored by the board's squares, since the board may be printed in inverted
+    /// colours.
     pub any_colours: bool,
 }
 

@@ -3,10 +3,10 @@
 use super::Calibrated;
 use std::fmt::Write;
 
-/// Length of an arrow for a residual of one pixel, in pixels of the drawing.
+/// Length of the arrow for a residual of one pixel, in pixels of the drawing.
 const LENGTH: f64 = 60.0;
 
-/// Draws an arrow from each corner in the direction of its residual, with 60 times the residual's length, as SVG.
+/// Draws an arrow from each detected corner in the direction of its residual, with 60 times the residual's length, as SVG.
 #[must_use]
 pub fn picture(calibrated: &Calibrated) -> String {
     let [width, height] = calibrated.size;

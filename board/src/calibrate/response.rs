@@ -1,42 +1,43 @@
 //! Estimation of a camera's response from exposures of one still scene.
 //!
 //! The logarithms of a pixel's exposures in two frames differ by the logarithm of the frames' exposure ratio, independent of the pixel's
-//! light: \[MitsunagaNayar1999\]. The curve is a sum of Bernstein polynomials with ascending coefficients, hence monotone. The ratios are
-//! estimated together with the curve and weighted towards the declared ratios, since any power of a curve fits equally well with other
-//! ratios.
+//! light: \[MitsunagaNayar1999\]. The response curve is a sum of Bernstein polynomials with ascending coefficients, hence monotone. The
+//! exposure ratios are estimated together with the curve and weighted towards the declared ratios, since with other ratios any power of the
+//! curve fits equally well.
 
 use nalgebra::{DMatrix, DVector};
 
-/// Number of coefficients of a curve.
+/// Number of Bernstein coefficients of a response curve.
 pub(super) const COEFFICIENTS: usize = 9;
 
-/// Range of relative codes that are used: below it noise and quantisation dominate, above it samples clip.
+/// Range of the relative codes from which a response is estimated: below it noise and quantisation dominate, above it samples clip.
 const USED: std::ops::Range<f32> = 0.05..0.96;
 
-/// Least relative code of the frame with the shorter exposure.
+/// Least relative code of a pixel in the frame with the shorter exposure.
 const LEAST: f64 = 0.035;
 
-/// Weight of the second differences of the logarithms of a curve's increments.
+/// Weight in the loss of the second differences of the logarithms of a curve's increments.
 const SMOOTH: f64 = 2.0;
 
-/// Number of bins of the longer frame's codes, and least number of pixels of a bin.
+/// Number of bins for the codes of the frame with the longer exposure, and least number of pixels in a bin.
 const BINS: usize = 256;
 const FEWEST_IN_BIN: usize = 8;
 
-/// Standard deviation of the logarithm of a declared ratio, and the weight of all ratios together, which fix the power of the curve.
+/// Standard deviation of the logarithm of a declared exposure ratio, and weight in the loss of all ratios together, which fix the power of
+/// the curve.
 const RATIO_DEVIATION: f64 = 0.01;
 const RATIO_WEIGHT: f64 = 30.0;
 
 /// Relative codes of one frame, 0 at black and 1 at white, for red, green and blue of each pixel.
 #[derive(Clone, Debug, Default)]
 pub struct Exposed {
-    /// Declared exposure: time x gain.
+    /// Declared exposure of the frame: time in seconds times gain.
     pub exposure: f64,
-    /// Relative codes of the pixels.
+    /// Relative codes of the frame's pixels.
     pub codes: Vec<[f32; 3]>,
 }
 
-/// Reasons why no response is computed.
+/// Reasons why no response is computed from a burst.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ResponseRefusal {
@@ -50,7 +51,7 @@ pub enum ResponseRefusal {
     FewPixels {
         /// Number of well-exposed pixels that were found.
         found: usize,
-        /// Least number of well-exposed pixels.
+        /// Least number of well-exposed pixels that is accepted.
         expected: usize,
     },
     /// The declared exposures are wrong, or the camera changes its response from frame to frame.
@@ -64,28 +65,28 @@ pub enum ResponseRefusal {
         /// Declared exposure ratio.
         declared: f64,
     },
-    /// The frames contradict each other.
+    /// The frames contradict each other at the fitted response.
     #[error(
         "found neighbouring exposures that disagree by {percent:.1} % in the median, expected at most {most_percent:.0} %: keep the scene and \
          the camera still, and switch off automatic exposure, gain and white balance, wide dynamic range, tone mapping, noise reduction \
          and sharpening"
     )]
     Contradiction {
-        /// Median disagreement, per cent.
+        /// Median disagreement of neighbouring frames' relative exposures, per cent.
         percent: f64,
-        /// Largest accepted disagreement, per cent.
+        /// Largest accepted median disagreement, per cent.
         most_percent: f64,
     },
 }
 
-/// Exposure ratio of two frames with neighbouring exposures.
+/// Exposure ratio of two frames that are neighbours in the order of exposure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Neighbours {
     /// Declared ratio of the longer to the shorter exposure.
     pub declared: f64,
-    /// Ratio estimated from the pictures.
+    /// Ratio of the longer to the shorter exposure estimated from the pictures.
     pub estimated: f64,
-    /// Median relative disagreement of the two frames' relative exposures.
+    /// Median relative difference between the relative exposures of the two frames' pixels.
     pub disagreement: f64,
 }
 
@@ -96,26 +97,26 @@ pub struct FittedResponse {
     pub coefficients: [[f64; COEFFICIENTS]; 3],
     /// Pairs of neighbouring frames in ascending order of exposure.
     pub neighbours: Vec<Neighbours>,
-    /// Median relative disagreement over all pairs.
+    /// Median relative difference between relative exposures, over all pairs of frames.
     pub disagreement: f64,
 }
 
-/// Largest accepted relative deviation of an estimated ratio from the declared one.
+/// Largest accepted relative deviation of an estimated exposure ratio from the declared one.
 const MOST_RATIO: f64 = 0.3;
 
-/// Largest accepted median disagreement of a response.
+/// Largest accepted median relative difference between the relative exposures of neighbouring frames.
 const MOST_DISAGREEMENT: f64 = 0.06;
 
-/// Least number of pairs of samples.
+/// Least number of pairs of codes from which a response is computed.
 const FEWEST_PAIRS: usize = 100;
 
-/// Pixels with the same code in the longer of two exposures.
+/// The codes of pixels that have the same code in the longer of two exposures.
 #[derive(Clone, Copy, Debug)]
 struct CodePair {
     channel: usize,
     /// Index of the frame with the longer exposure.
     step: usize,
-    /// Bernstein polynomials at the codes of the shorter and of the longer exposure.
+    /// Values of the Bernstein polynomials at the codes of the shorter and of the longer exposure.
     shorter: [f64; COEFFICIENTS],
     longer: [f64; COEFFICIENTS],
     codes: [f64; 2],
@@ -123,7 +124,7 @@ struct CodePair {
     count: f64,
 }
 
-/// Fits the response to frames in ascending order of exposure; `step` is the size of one code in relative codes.
+/// Fits the response to frames in ascending order of exposure; `step` is the difference of relative code between two neighbouring codes.
 ///
 /// # Errors
 /// [`ResponseRefusal`] if the frames determine no response.
@@ -171,8 +172,8 @@ fn pairs(frames: &[Exposed]) -> Vec<CodePair> {
     pairs
 }
 
-/// Returns one pair for each code of the longer exposure, with the mean of the middle half of the shorter exposure's codes. The mean
-/// reduces the noise, and the outer halves hold textures that moved.
+/// Returns one pair for each code of the longer exposure, with the mean of the middle half of the codes that its pixels have in the shorter
+/// exposure. The mean reduces the noise, and the outer halves contain textures that moved.
 fn pairs_of(shorter: &Exposed, longer: &Exposed, channel: usize, step: usize) -> Vec<CodePair> {
     let mut bins: Vec<Vec<[f32; 2]>> = vec![Vec::new(); BINS];
     for (a, b) in shorter.codes.iter().zip(&longer.codes) {
@@ -194,7 +195,7 @@ fn pairs_of(shorter: &Exposed, longer: &Exposed, channel: usize, step: usize) ->
     bins.into_iter().filter_map(pair).collect()
 }
 
-/// The mean codes of pixels in both exposures.
+/// The mean codes of a group of pixels in two exposures.
 struct MeanCodes {
     codes: [f64; 2],
     /// Number of pixels that were averaged.
@@ -211,7 +212,7 @@ fn middle(mut bin: Vec<[f32; 2]>) -> Option<MeanCodes> {
     Some(MeanCodes { codes: [mean(0), mean(1)], count })
 }
 
-/// Least-squares problem over the logarithms of the curve's increments and of the ratios.
+/// Least-squares problem whose parameters are the logarithms of the curve's increments and of the exposure ratios.
 struct Problem<'a> {
     pairs: &'a [CodePair],
     declared: &'a [f64],
@@ -220,7 +221,7 @@ struct Problem<'a> {
 
 /// Parameters at a minimum of a [`Problem`].
 struct Solution {
-    /// Robust loss of the residuals at the minimum.
+    /// Robust loss of the residuals at the parameters.
     loss: f64,
     parameters: DVector<f64>,
 }
@@ -233,7 +234,7 @@ struct CurveValues {
 }
 
 impl Problem<'_> {
-    /// Returns the initial parameters: nine logarithms of increments for each channel, then the logarithms of the ratios.
+    /// Returns the initial parameters for a power law: nine logarithms of increments for each channel, then the logarithms of the ratios.
     fn start(&self, power: f64) -> DVector<f64> {
         let node = |i: usize| (i as f64 / (COEFFICIENTS - 1) as f64).powf(power);
         let increments = (0..COEFFICIENTS).map(|i| if i == 0 { -10.0 } else { (node(i) - node(i - 1)).ln() });
@@ -275,11 +276,11 @@ impl Problem<'_> {
         let off = |i: usize| (p[ratios + i] - self.declared[i]) / RATIO_DEVIATION;
         let held = (0..self.declared.len())
             .map(|i| RATIO_WEIGHT * off(i).signum() * (off(i) * off(i)).ln_1p().sqrt());
-        // A constant curve fits ratios of one: a ratio far from the declared one therefore costs more than the loss of the pairs.
+        // A constant curve fits exposure ratios of one: a ratio far from the declared one therefore costs more than the loss of the pairs.
         let leash = (0..self.declared.len()).map(|i| RATIO_WEIGHT * 0.05 * off(i));
         let weak = (0..ratios)
             .map(|i| if i % COEFFICIENTS == 0 { 0.5 * (p[i] + 12.0) } else { 0.01 * (p[i] + 2.0) });
-        // Exposures in equal steps do not determine waves of the same period: the smoothest curve is selected.
+        // Exposures in equal steps do not determine waves of the same period in the curve: the smoothest curve is selected.
         let bend = |i: usize| SMOOTH * (p[i - 1] - 2.0 * p[i] + p[i + 1]);
         let inner = (0..ratios).filter(|i| (2..COEFFICIENTS - 1).contains(&(i % COEFFICIENTS))).map(bend);
         DVector::from_vec(data.chain(held).chain(leash).chain(weak).chain(inner).collect())
@@ -301,7 +302,7 @@ impl Problem<'_> {
         self.pairs.iter().map(weight).collect()
     }
 
-    /// Minimises by Levenberg-Marquardt with weights that are updated in each step.
+    /// Minimises the loss by Levenberg-Marquardt from the parameters `p`, with weights that are updated in each step.
     fn solve(&self, mut p: DVector<f64>) -> Solution {
         let mut damping = 1e-2;
         for _ in 0..40 {
@@ -331,7 +332,7 @@ impl Problem<'_> {
         Solution { loss, parameters: p }
     }
 
-    /// Returns the derivatives, computed by finite differences.
+    /// Returns the derivatives of the residuals with respect to the parameters, computed by finite differences.
     fn jacobian(&self, p: &DVector<f64>, weights: &[f64], residuals: &DVector<f64>) -> DMatrix<f64> {
         const H: f64 = 1e-5;
         let column = |i: usize| {
@@ -346,7 +347,7 @@ impl Problem<'_> {
         let curves: [[f64; COEFFICIENTS]; 3] = std::array::from_fn(|channel| Self::coefficients(p, channel));
         let logarithms = |step: usize| sorted(logarithms(&frames[step..step + 2], &curves));
         let all: Vec<Vec<f64>> = (0..self.declared.len()).map(logarithms).collect();
-        // If no samples are valid in both frames, the fit's own ratio is kept.
+        // If no samples are valid in both frames, the exposure ratio of the fit is used.
         let own = |step: usize| p[3 * COEFFICIENTS + step];
         let ratio = |(step, values): (usize, &Vec<f64>)| {
             if values.is_empty() { own(step) } else { middle_of(values) }
@@ -369,12 +370,12 @@ fn sorted(mut values: Vec<f64>) -> Vec<f64> {
     values
 }
 
-/// Returns the median of sorted values.
+/// Returns the median of the ascending values `sorted`.
 fn middle_of(sorted: &[f64]) -> f64 {
     sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// Returns the logarithms of the ratios of the samples that the merge uses in both of two frames.
+/// Returns the logarithms of the exposure ratios of neighbouring frames, from the samples that the merge uses in both frames.
 fn logarithms(frames: &[Exposed], curves: &[[f64; COEFFICIENTS]; 3]) -> Vec<f64> {
     logarithms_of(frames, |code, channel| {
         let basis = bernstein(code);
@@ -382,8 +383,8 @@ fn logarithms(frames: &[Exposed], curves: &[[f64; COEFFICIENTS]; 3]) -> Vec<f64>
     })
 }
 
-/// Returns the logarithms of the ratios of the samples that the merge uses in both of two frames, with a function from a code and a channel to a
-/// relative exposure.
+/// Returns the logarithms of the exposure ratios of neighbouring frames, from the samples that the merge uses in both frames; `exposure`
+/// converts a code and a channel to a relative exposure.
 pub(super) fn logarithms_of(frames: &[Exposed], exposure: impl Fn(f64, usize) -> f64) -> Vec<f64> {
     const TRUSTED: std::ops::Range<f32> = 0.0627..0.98;
     let mut logarithms = Vec::new();

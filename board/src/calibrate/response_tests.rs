@@ -1,4 +1,4 @@
-//! Estimated responses of cameras with known response.
+//! Tests of responses estimated from bursts of simulated cameras, whose response is known.
 
 use super::burst::{Codes, ExposedBurst, exposed};
 use super::response::{Exposed, FittedResponse, ResponseRefusal, fit_response};
@@ -8,11 +8,11 @@ use std::path::Path;
 /// A simulated camera: a function from a relative exposure to the relative code.
 type ToneCurve = fn(f64) -> f64;
 
-/// Size of one code of eight bits in relative codes.
+/// Difference of relative code between two neighbouring codes of eight bits.
 const STEP: f64 = 1.0 / 255.0;
 
 fn frames(camera: ToneCurve, exposures: &[f64], truth: &[f64]) -> Vec<Exposed> {
-    // Radiances from 1e-4 to 1, evenly spaced in their logarithms over three decades, and a fixed noise pattern of half a code.
+    // Radiances from 3.2e-4 to 3.2, evenly spaced in their logarithms over four decades, and a fixed noise pattern of half a code.
     let light = |i: usize| 10f64.powf(-3.5 + 4.0 * ((i * 7919) % 20_000) as f64 / 20_000.0);
     let frame = |(k, (declared, truth)): (usize, (&f64, &f64))| {
         let code = |i: usize, channel: usize| {
@@ -40,7 +40,7 @@ fn worst(fitted: &FittedResponse, camera: ToneCurve) -> f64 {
         }
         0.5 * (low + high)
     };
-    // A curve is determined up to a factor, so both curves are normalised at half of the range.
+    // A response curve is determined up to a factor, so both curves are normalised at half of the range.
     let mut worst = 0f64;
     for channel in 0..3 {
         let factor = inverse(0.5) / response.exposure(channel, 0.5);

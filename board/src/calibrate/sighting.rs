@@ -1,12 +1,12 @@
-//! A corner of the board that was detected in a picture.
+//! A corner of a calibration board that was detected in a picture.
 
 use nalgebra::Vector2;
 
-/// A detected corner: its position on the board in squares, and its pixel.
+/// A detected corner: its column and row on the board, and its pixel in the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Sighting {
     /// Column and row of the corner on the board.
     pub cell: [i32; 2],
-    /// Pixel of the corner.
+    /// Pixel at which the corner was detected.
     pub at: Vector2<f64>,
 }

@@ -6,27 +6,27 @@ use super::shape::{SHAPE, Shape};
 use super::sighting::Sighting;
 use nalgebra::{Matrix2x3, Rotation3, SMatrix, SVector, Vector2, Vector3};
 
-/// Number of parameters of a pose: rotation and translation.
+/// Number of parameters of a board's pose: three of the rotation, three of the translation.
 const POSE: usize = 6;
 
-/// Number of parameters that all views share: of the camera and of the board's shape.
+/// Number of parameters that all pictures share: those of the camera and of the board's shape.
 const SHARED: usize = INTRINSICS + SHAPE;
 
-/// Prior weights of the shared parameters: the inverse of their standard deviations, for a residual of one pixel.
+/// Weights of the prior of the shared parameters: inverse standard deviations, for a residual of one pixel.
 const PRIOR: [f64; SHARED] =
     [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 500.0, 500.0, 20.0, 20.0, 20.0];
 
 type Square = SMatrix<f64, SHARED, SHARED>;
 type Column = SVector<f64, SHARED>;
 
-/// Parameters that all views share.
+/// The camera and the board's shape, whose parameters all pictures share.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Model {
-    /// Camera of all views.
+    /// Camera that took all pictures.
     pub camera: Camera,
-    /// The shape of the board.
+    /// Shape of the board.
     pub shape: Shape,
-    /// True if all coefficients of the radial law are fitted, false for those alone that a lens file stores.
+    /// True if all coefficients of the radial law are fitted, false if only those are fitted that a lens file stores.
     pub rich: bool,
 }
 
@@ -52,29 +52,29 @@ impl Model {
         }
     }
 
-    /// Returns the pixel at which a view shows a corner.
+    /// Returns the computed pixel of the corner `cell` in a view.
     pub fn pixel(&self, view: &View, cell: [i32; 2]) -> Vector2<f64> {
         self.camera.pixel(&view.pose.apply(&self.shape.place(cell)))
     }
 }
 
-/// The corners of one picture and the pose of its board.
+/// The corners detected in one picture and the pose of its board.
 #[derive(Clone, Debug)]
 pub(super) struct View {
-    /// Corners found in the picture.
+    /// Corners detected in the picture.
     pub seen: Vec<Sighting>,
-    /// Pose of the board.
+    /// Pose of the board in the picture.
     pub pose: Pose,
 }
 
 impl View {
-    /// Returns the detected minus the computed pixel of each corner.
+    /// Returns the difference between the detected and the computed pixel of each corner of the view.
     pub fn residuals<'a>(&'a self, model: &'a Model) -> impl Iterator<Item = Vector2<f64>> + 'a {
         self.seen.iter().map(|s| s.at - model.pixel(self, s.cell))
     }
 }
 
-/// The parameters that are fitted.
+/// The parameters that a fit varies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Free {
     /// Intrinsic parameters, shape of the board, and poses.
@@ -83,7 +83,7 @@ pub(super) enum Free {
     Poses,
 }
 
-/// The normal equations of one view.
+/// The normal equations of one picture's corners, for the shared parameters and the pose.
 struct Block {
     shared: Square,
     mixed: SMatrix<f64, SHARED, POSE>,
@@ -125,7 +125,7 @@ impl Block {
         self.right_pose += by_pose.transpose() * residual * weight;
     }
 
-    /// Returns the pose's equations with damping.
+    /// Returns the matrix of the pose's normal equations with damping.
     fn damped(&self, damping: f64) -> Option<SMatrix<f64, POSE, POSE>> {
         let mut pose = self.pose;
         (0..POSE).for_each(|i| pose[(i, i)] *= 1.0 + damping);
@@ -140,7 +140,7 @@ fn by_pose(by_point: &Matrix2x3<f64>, turned: Vector3<f64>) -> SMatrix<f64, 2, P
     by_pose
 }
 
-/// Returns the Cauchy loss of all corners; `width` is the residual in pixels from which corners lose weight.
+/// Returns the Cauchy loss of the residuals of all corners; `width` is the residual in pixels from which corners lose weight.
 pub(super) fn loss(model: &Model, views: &[View], width: f64) -> f64 {
     let scale = width * width;
     let one = |r: Vector2<f64>| scale * (r.norm_squared() / scale).ln_1p();
@@ -148,7 +148,7 @@ pub(super) fn loss(model: &Model, views: &[View], width: f64) -> f64 {
     prior + views.iter().flat_map(|view| view.residuals(model)).map(one).sum::<f64>()
 }
 
-/// Improves a camera and its views in at most `steps` steps; returns the loss.
+/// Improves the parameters `free` of a camera and its views in at most `steps` steps; returns the final loss.
 pub(super) fn solve(model: &mut Model, views: &mut [View], width: f64, free: Free, steps: usize) -> f64 {
     let mut damping = 1e-3;
     let mut best = loss(model, views, width);
@@ -176,7 +176,7 @@ pub(super) fn solve(model: &mut Model, views: &mut [View], width: f64, free: Fre
     best
 }
 
-/// Computes one step from the normal equations.
+/// Computes one step of the fit from the normal equations.
 fn step(
     model: &Model,
     views: &[View],
@@ -220,7 +220,7 @@ fn shared_step(
     normal.cholesky().map(|c| c.solve(&right))
 }
 
-/// Removes a parameter from the equations.
+/// Removes parameter `i` from the normal equations.
 fn fixed(normal: &mut Square, right: &mut Column, i: usize) {
     normal.row_mut(i).fill(0.0);
     normal.column_mut(i).fill(0.0);
@@ -228,7 +228,7 @@ fn fixed(normal: &mut Square, right: &mut Column, i: usize) {
     right[i] = 0.0;
 }
 
-/// Covariances of the camera's parameters, with poses and the board's shape fitted too.
+/// Covariances of the camera's parameters in a fit that varies the poses and the board's shape too.
 pub(super) struct Covariances {
     /// Covariance for independent residuals with a standard deviation of one pixel.
     pub independent: SMatrix<f64, KEPT, KEPT>,
@@ -237,7 +237,7 @@ pub(super) struct Covariances {
     pub by_view: SMatrix<f64, KEPT, KEPT>,
 }
 
-/// Returns the covariances at a fit.
+/// Returns the covariances of the camera's parameters at the fitted `model`.
 pub(super) fn covariances(model: &Model, views: &[View]) -> Option<Covariances> {
     let blocks: Vec<Block> = views.iter().map(|view| Block::of(view, model, f64::INFINITY)).collect();
     let (mut normal, mut scatter) = (Square::zeros(), Square::zeros());

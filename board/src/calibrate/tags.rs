@@ -1,8 +1,8 @@
 //! Boards whose marks identify each corner: ChArUco and AprilGrid.
 //!
-//! Corners are joined to grids as on a chessboard, and in each cell a mark is read through the homography of its four corners. The rotation
-//! and the shift of a grid on the board follow from the positions of at least two marks, independent of conventions for the orientation of
-//! marks.
+//! Corners are joined to grids as on a chessboard, and in each cell a mark is read through the homography of the cell's four corners. The
+//! rotation and the shift of a grid on the board follow from the positions of at least two marks, independent of conventions for the
+//! orientation of marks.
 
 use super::board::{Charuco, Kind, Printed};
 use super::corners::Corner;
@@ -23,13 +23,13 @@ pub(super) const TAG_FAMILY: &str = "DICT_APRILTAG_36h11";
 /// Side of a rectified cell in which a mark is read, pixels.
 const CELL_PX: f32 = 64.0;
 
-/// Least number of marks that determine the position of a grid.
+/// Least number of marks that determine the position of a grid on the board.
 const FEWEST_MARKS: usize = 2;
 
-/// Widths of a tag's black border that are tried, in bits: Kalibr prints 2.
+/// Widths of a tag's black border that are tried, in bits: boards of Kalibr have 2.
 const TAG_BORDERS: [usize; 2] = [2, 1];
 
-/// The marks of a board and their positions.
+/// The marks of a printed board and their positions.
 struct Marks {
     matcher: Matcher,
     /// Side of a mark, in cells.
@@ -44,7 +44,7 @@ impl Marks {
         match printed.kind {
             Kind::Chessboard => None,
             Kind::Charuco(Charuco { dictionary, marker }) => {
-                // The squares of the outer rows and columns lack corners at the board's edge, so their marks are not read.
+                // The squares of the outer rows and columns lack corners at the board's edge, so the marks in them are not read.
                 let cells = charuco_squares(printed).zip(0..).map(|([i, j], id)| (id, [i - 1, j - 1]));
                 Some(Self::new(dictionary, marker, &[1], cells.collect()))
             }
@@ -56,12 +56,12 @@ impl Marks {
     }
 
     fn new(dictionary: Dictionary, side: f64, borders: &'static [usize], cells: HashMap<u32, Cell>) -> Self {
-        // Half of the bits that the dictionary corrects, which keeps false marks rare.
+        // Half of the number of wrong bits that the dictionary can correct is accepted, which keeps false marks rare.
         let most = dictionary.max_correction_bits() / 2;
         Self { matcher: Matcher::new(dictionary, most), side, borders, cells }
     }
 
-    /// Reads the marks in the cells of a grid, with the border width at which most marks are read.
+    /// Reads the marks in the cells of a grid; of the widths of the border, the one with which most marks are read is used.
     fn read(&self, grey: &Grey, grid: &Grid, mirrored: bool) -> Vec<Mark> {
         let [width, height] = grey.size();
         let view = GrayImageView { width, height, data: grey.pixels() };
@@ -108,7 +108,7 @@ struct Mark {
     board: Cell,
 }
 
-/// Returns the corners of a cell in the image; `None` if one is missing.
+/// Returns the corners of a cell of the grid in the image; `None` if one is missing.
 fn quad(grid: &Grid, [i, j]: Cell, mirrored: bool) -> Option<MarkerCell> {
     let order = if mirrored { [[0, 0], [0, 1], [1, 1], [1, 0]] } else { [[0, 0], [1, 0], [1, 1], [0, 1]] };
     let mut corners = [Point2::origin(); 4];
@@ -119,7 +119,7 @@ fn quad(grid: &Grid, [i, j]: Cell, mirrored: bool) -> Option<MarkerCell> {
     Some(MarkerCell::new(Coord::new(i, j), corners))
 }
 
-/// The position of a grid on the board: a number of quarter turns, then a shift.
+/// The position of a grid on the board: a number of quarter turns, followed by a shift in columns and rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 struct Lie {
     turns: usize,
@@ -145,7 +145,7 @@ impl Lie {
     }
 }
 
-/// Returns the position that most marks have in common, at least two marks and more than half of them.
+/// Returns the position of the grid on which most marks agree, at least two marks and more than half of them.
 fn lie(marks: &[Mark]) -> Option<Lie> {
     let mut votes: HashMap<Lie, usize> = HashMap::new();
     for mark in marks {
@@ -155,7 +155,7 @@ fn lie(marks: &[Mark]) -> Option<Lie> {
     (count >= FEWEST_MARKS && 2 * count > marks.len()).then_some(lie)
 }
 
-/// Finds the board in a picture whose corners are known.
+/// Finds the marked board in a picture in which `corners` were detected.
 pub(super) fn board(grey: &Grey, corners: &[Corner], printed: &Printed, scale: f64) -> Found {
     let Some(marks) = Marks::of(printed) else { return Found::default() };
     let grids: Vec<Grid> = grids(corners).into_iter().filter(|grid| grid.len() >= 4).collect();
@@ -179,7 +179,7 @@ pub(super) fn board(grey: &Grey, corners: &[Corner], printed: &Printed, scale: f
     Found { seen, second, mirror }
 }
 
-/// Returns the corners of a grid that lie on the board, by their positions on the board.
+/// Returns those corners of a grid that lie on the board, by their columns and rows on the board.
 fn placed(grid: &Grid, lie: Lie, printed: &Printed) -> Grid {
     let [columns, rows] = printed.corners.size();
     let on_board = |[i, j]: &Cell| (0..columns).contains(i) && (0..rows).contains(j);

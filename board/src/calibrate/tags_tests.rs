@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 
 const SIDE: usize = 640;
 
-/// Number of samples per square or tag of a drawing, along a side.
+/// Number of samples along the side of a square or tag in a drawing.
 const FINE: f64 = 48.0;
 
 /// A board as a bitmap with a margin of one square.
@@ -33,7 +33,7 @@ impl Drawing {
         Self { size, black }
     }
 
-    /// Returns the code at a position in squares from the drawing's centre; `None` outside of it.
+    /// Returns the code of the drawing at `place`, in squares from its centre; `None` outside of it.
     fn at(&self, place: DVec2) -> Option<f64> {
         let at = place * FINE + DVec2::new(self.size[0] as f64, self.size[1] as f64) * 0.5;
         let inside = at.x >= 0.0 && at.y >= 0.0 && at.x < self.size[0] as f64 && at.y < self.size[1] as f64;
@@ -53,7 +53,7 @@ fn random(seed: u64) -> f64 {
     ((x ^ (x >> 31)) >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// Returns a picture of a board whose centre is at `distance` and at an angle from the axis, rotated and tilted.
+/// Returns a picture, number `i` of `count`, of a board whose centre is at `distance` and at an angle from the axis, rotated and tilted.
 fn picture(drawing: &Drawing, i: u64, count: u64, distance: f64) -> Grey {
     let lens = lens();
     let theta = 1.25 * ((i as f64 + 0.3) / count as f64).sqrt();
@@ -90,7 +90,7 @@ fn pictures(printed: &Printed, count: u64) -> Vec<Picture> {
     (0..count).map(one).collect()
 }
 
-/// Returns the root mean square error of directions over the covered field, degrees.
+/// Returns the root mean square error of the calibrated directions over the covered field, degrees.
 fn error(calibrated: &Calibrated) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for i in 0..40 {
@@ -192,8 +192,9 @@ fn april_grid_target_equals_that_of_kalibr() {
     assert_eq!(digest, KALIBR, "{digest:x}");
 }
 
-/// `cv2.aruco.CharucoBoard((9, 7), 8, 6, DICT_4X4_50).generateImage((72, 56))` of OpenCV 5.0.0.
+/// Digest of `cv2.aruco.CharucoBoard((9, 7), 8, 6, DICT_4X4_50).generateImage((72, 56))` of OpenCV 5.0.0.
 const OPENCV: u64 = 0x932e_1ef1_9d39_56cb;
 
-/// Board of `kalibr_create_target_pdf --type apriltag --nx 6 --ny 5 --tspace 0.3`, drawn with its codes, its order of tags and its rotation.
+/// Digest of the board of `kalibr_create_target_pdf --type apriltag --nx 6 --ny 5 --tspace 0.3`, drawn with its codes, its order of tags and
+/// its rotation.
 const KALIBR: u64 = 0xcedb_a56d_5b04_c499;

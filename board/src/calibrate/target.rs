@@ -14,7 +14,7 @@ pub struct Target {
     pub square_mm: f64,
 }
 
-/// A black rectangle, in squares or tags from the corner of the board.
+/// A black rectangle of a printed board, in squares or tags from the corner of the board.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ink {
     /// Left and top edge of the rectangle.
@@ -23,10 +23,10 @@ pub struct Ink {
     pub size: [f64; 2],
 }
 
-/// Reasons why a target is refused.
+/// Reasons why a target is not drawn.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum TargetRefusal {
-    /// The side of a square is out of range.
+    /// The side of a square or tag is out of range.
     #[error("found squares of {0} mm, expected 1 to 500")]
     Square(f64),
 }
@@ -63,7 +63,7 @@ pub fn svg(target: &Target) -> Result<String, TargetRefusal> {
     Ok(text)
 }
 
-/// Returns the columns and rows of the printed area, in squares or tags.
+/// Returns the columns and rows of the area that a board covers, in squares or tags.
 #[must_use]
 pub fn size(printed: &Printed) -> [f64; 2] {
     let corners = printed.corners.size();
@@ -98,8 +98,8 @@ fn squares(printed: &Printed) -> Vec<Ink> {
     black.map(|cell| Ink { at: cell.map(f64::from), size: [1.0; 2] }).collect()
 }
 
-/// Returns tags with a border of two bits, and the squares between their corners, as Kalibr prints them: each tag is rotated by half a turn
-/// from the dictionary's orientation.
+/// Returns the black rectangles of tags with a border of two bits, and of the squares between their corners, as Kalibr prints them: each
+/// tag is rotated by half a turn from the dictionary's orientation.
 fn april_grid(printed: &Printed, gap: f64) -> Vec<Ink> {
     let Some(family) = resolve_dictionary(TAG_FAMILY) else { return Vec::new() };
     let place = |index: i32| gap + printed.line(index);
@@ -116,7 +116,7 @@ fn april_grid(printed: &Printed, gap: f64) -> Vec<Ink> {
     tags.chain(corners.map(square)).collect()
 }
 
-/// Returns the rectangles of a mark: its border, and the runs of black bits in its rows.
+/// Returns the black rectangles of a mark: its border, and the runs of black bits in its rows.
 fn bits(code: u64, side: usize, border: usize, at: [f64; 2], size: f64) -> Vec<Ink> {
     let bit = size / (side + 2 * border) as f64;
     let is_black = |x: usize, y: usize| {
@@ -138,9 +138,9 @@ fn bits(code: u64, side: usize, border: usize, at: [f64; 2], size: f64) -> Vec<I
     ink
 }
 
-/// Returns the black rectangles as one SVG path, with a margin of one square.
+/// Returns the black rectangles of a board as one SVG path, with a margin of one square.
 fn path(printed: &Printed, side: f64) -> String {
-    // Coordinates are rounded to a thousandth of a millimetre.
+    // Coordinates of the path are rounded to a thousandth of a millimetre.
     let mm = |v: f64| (1000.0 * v * side).round() / 1000.0;
     let rectangle = |Ink { at, size }: Ink| {
         format!("M{} {}h{}v{}h-{}z", mm(at[0] + 1.0), mm(at[1] + 1.0), mm(size[0]), mm(size[1]), mm(size[0]))
@@ -148,7 +148,7 @@ fn path(printed: &Printed, side: f64) -> String {
     ink(printed).into_iter().map(rectangle).collect()
 }
 
-/// Returns the options of `hemilux calibrate lens` for a board.
+/// Returns the options of `hemilux calibrate lens` with which pictures of the board are calibrated.
 fn options(printed: &Printed) -> String {
     let Board { columns, rows } = printed.corners;
     match printed.kind {

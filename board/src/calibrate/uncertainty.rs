@@ -1,4 +1,4 @@
-//! Uncertainty of the directions of pixels.
+//! Uncertainty of the directions that a fitted camera assigns to pixels.
 
 use super::camera::{Camera, KEPT};
 use super::fit::Fit;
@@ -6,10 +6,10 @@ use super::solve::{Covariances, Model, covariances};
 use nalgebra::{Matrix3x2, SMatrix, Vector3};
 use std::f64::consts::TAU;
 
-/// Number of azimuths over which each angle's uncertainty is averaged.
+/// Number of azimuths over which the uncertainty at an angle from the axis is averaged.
 const AZIMUTHS: u32 = 24;
 
-/// Uncertainty of directions at an angle from the axis.
+/// Uncertainty of the directions at one angle from the axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread {
     /// Angle from the axis, degrees.
@@ -17,19 +17,19 @@ pub struct Spread {
     /// Standard deviation of a direction, degrees. It combines `law_deg` with the larger of two figures: the effect of the noise of the
     /// corners, and half of `halves_deg`.
     pub uncertainty_deg: f64,
-    /// Difference between the lenses of the two halves of the pictures, degrees; `None` with fewer than six boards.
+    /// Difference at the angle between the lenses computed from two halves of the pictures, degrees; `None` with fewer than six boards.
     pub halves_deg: Option<f64>,
-    /// Difference from a lens whose radial law has two more coefficients, degrees.
+    /// Difference at the angle from a lens whose radial law has two more coefficients, degrees.
     pub law_deg: f64,
 }
 
-/// Standard deviations of the camera's parameters.
+/// Standard deviations of the parameters of a camera.
 pub(super) type Deviations = [f64; KEPT];
 
-/// Covariance of the camera's parameters.
+/// Covariance of the parameters of a camera.
 type Covariance = SMatrix<f64, KEPT, KEPT>;
 
-/// Returns the parameters' covariances, scaled to the error of the corners.
+/// Returns the covariances of the camera's parameters, scaled to the error of the corners.
 pub(super) fn of_parameters(fit: &Fit) -> Option<Covariances> {
     let unknowns = KEPT + 6 * fit.views.len();
     let free = (2 * fit.corners()).saturating_sub(unknowns).max(1);
@@ -38,13 +38,13 @@ pub(super) fn of_parameters(fit: &Fit) -> Option<Covariances> {
     Some(Covariances { independent: independent * (squares / free as f64), by_view })
 }
 
-/// Returns the standard deviations of the parameters.
+/// Returns the standard deviations of the camera's parameters.
 pub(super) fn deviations(covariances: &Covariances) -> Deviations {
     let variance = |i: usize| covariances.independent[(i, i)].max(covariances.by_view[(i, i)]);
     std::array::from_fn(|i| variance(i).max(0.0).sqrt())
 }
 
-/// Returns directions at all azimuths at an angle from the axis.
+/// Returns unit directions at all azimuths at the angle `theta` from the axis.
 fn ring(theta: f64) -> impl Iterator<Item = Vector3<f64>> {
     (0..AZIMUTHS).map(move |i| {
         let (sin, cos) = (TAU * f64::from(i) / f64::from(AZIMUTHS)).sin_cos();
@@ -52,12 +52,12 @@ fn ring(theta: f64) -> impl Iterator<Item = Vector3<f64>> {
     })
 }
 
-/// Returns the root mean square of angles, converted from radians to degrees.
+/// Returns the root mean square of angles whose squares are `squares`, in square radians, converted to degrees.
 fn degrees(squares: impl Iterator<Item = f64>) -> f64 {
     (squares.sum::<f64>() / f64::from(AZIMUTHS)).sqrt().to_degrees()
 }
 
-/// Returns the uncertainty by angle from the axis, every ten degrees and at the edge of the covered field.
+/// Returns the uncertainty of directions every ten degrees from the axis and at the edge of the covered field.
 pub(super) fn by_angle(fit: &Fit, covariances: &Covariances, covered: f64) -> Vec<Spread> {
     let halves = halves(fit);
     let tens =
@@ -86,7 +86,7 @@ fn variance(camera: &Camera, covariance: &Covariance, direction: &Vector3<f64>) 
     (by_parameters * covariance * by_parameters.transpose()).trace().max(0.0)
 }
 
-/// Returns cameras fitted to every second picture and to the others; `None` for fewer than six pictures.
+/// Returns two cameras, fitted to every second picture and to the others; `None` for fewer than six pictures.
 fn halves(fit: &Fit) -> Option<[Camera; 2]> {
     let half = |parity: usize| {
         let views = fit.views.iter().skip(parity).step_by(2).cloned().collect();
@@ -97,7 +97,8 @@ fn halves(fit: &Fit) -> Option<[Camera; 2]> {
     (fit.views.len() >= 6).then(|| [half(0), half(1)])
 }
 
-/// Returns the camera whose radial law has two more coefficients; a difference shows that four coefficients do not describe the lens.
+/// Returns the fitted camera with two more coefficients of the radial law; a difference from the camera of `fit` shows that four
+/// coefficients do not describe the lens.
 fn rich(fit: &Fit) -> Camera {
     let mut rich =
         Fit { model: Model { rich: true, ..fit.model }, views: fit.views.clone(), pictures: Vec::new() };
@@ -105,7 +106,8 @@ fn rich(fit: &Fit) -> Camera {
     rich.model.camera
 }
 
-/// Returns the squared angle between the directions of one pixel by two cameras, square radians.
+/// Returns the squared angle between the directions that the two cameras of `pair` assign to the pixel at which `camera` shows `direction`,
+/// square radians.
 fn apart(camera: &Camera, pair: &[Camera; 2], direction: &Vector3<f64>) -> f64 {
     let pixel = camera.pixel(direction);
     let [a, b] = pair.each_ref().map(|other| other.direction(pixel));

@@ -10,16 +10,16 @@ use hemilux_core::lens::{Intrinsics, Lens};
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::PI;
 
-/// A reading: the mean relative exposure of the screen or of a ring of pixels.
+/// A vignetting reading: the mean relative exposure of a screen or of a ring of pixels at one angle from the axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
-    /// Angle from the axis, radians.
+    /// Angle of the reading from the axis, radians.
     pub theta: f64,
-    /// Relative exposure, in any unit.
+    /// Relative exposure of the reading, in any unit.
     pub light: f64,
 }
 
-/// Relative illumination with the quality of its fit.
+/// Relative illumination of a lens with the quality of its fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FittedVignetting {
     /// Coefficients of the polynomial in theta, the constant first; the value on the axis is 1.
@@ -28,9 +28,9 @@ pub struct FittedVignetting {
     pub rms: f64,
     /// Largest relative difference of a reading from the polynomial.
     pub largest: f64,
-    /// Angle of the outermost reading, radians.
+    /// Angle from the axis of the outermost reading, radians.
     pub covered: f64,
-    /// Number of used readings.
+    /// Number of readings that the fit used.
     pub readings: usize,
 }
 
@@ -43,7 +43,7 @@ pub enum VignettingRefusal {
         "found {0} reading(s), expected at least 5: show the screen at 5 or more angles from the axis to the rim"
     )]
     Few(usize),
-    /// There are no readings near the axis or near the rim.
+    /// There are no readings near the axis, or none near the rim.
     #[error(
         "found readings from {from_deg:.0} to {to_deg:.0} degrees, expected some within 15 degrees of the axis and some beyond 40"
     )]
@@ -59,7 +59,7 @@ pub enum VignettingRefusal {
          screen steady and at one distance, and other lights off"
     )]
     Scatter {
-        /// Relative root mean square difference, per cent.
+        /// Relative root mean square difference of the readings from the polynomial, per cent.
         percent: f64,
     },
     /// The fitted polynomial is not positive over the field of view.
@@ -69,13 +69,13 @@ pub enum VignettingRefusal {
     NotPositive(f64),
 }
 
-/// Largest accepted relative error of the readings.
+/// Largest accepted relative root mean square difference of the readings from the polynomial.
 const MOST_RMS: f64 = 0.10;
 
-/// Number of even powers in addition to the constant: theta^2, theta^4, theta^6.
+/// Number of even powers of the polynomial in addition to the constant: theta^2, theta^4, theta^6.
 const TERMS: usize = 3;
 
-/// Fits the relative illumination to readings.
+/// Fits the relative illumination of `lens` to readings.
 ///
 /// # Errors
 /// [`VignettingRefusal`] if the readings determine no illumination.
@@ -108,7 +108,7 @@ fn polynomial(coefficients: &[f64; 8], theta: f64) -> f64 {
     coefficients.iter().rev().fold(0.0, |sum, c| sum * theta + c)
 }
 
-/// Fits by least squares of relative differences, with lower weights for outliers.
+/// Fits the polynomial by least squares of relative differences, with lower weights for outliers.
 fn robust(readings: &[Reading]) -> Option<[f64; 8]> {
     let terms = TERMS.min(readings.len() / 3) + 1;
     let mut weights: Vec<f64> = readings.iter().map(|r| 1.0 / r.light).collect();
@@ -132,7 +132,7 @@ fn robust(readings: &[Reading]) -> Option<[f64; 8]> {
 pub struct CodedPicture<'a> {
     /// Grey picture; codes 0 to 255 are black to white.
     pub grey: &'a Grey,
-    /// Response from codes to relative exposure.
+    /// Response of the camera from codes to relative exposure.
     pub response: &'a Response,
 }
 
@@ -147,7 +147,7 @@ impl CodedPicture<'_> {
     }
 }
 
-/// Width of the rings of a flat field, radians.
+/// Width of the rings around the axis into which a flat field is divided, radians.
 const RING: f64 = 0.02;
 
 /// Returns readings of a flat field, an evenly lit surface that fills the view: the median of each ring of pixels around the axis.
@@ -170,8 +170,8 @@ pub fn flat_field(lens: &Lens, shown: &CodedPicture<'_>) -> Vec<Reading> {
     rings.into_iter().enumerate().filter_map(reading).collect()
 }
 
-/// Returns the reading of a picture in which a small lit screen is the brightest object: the mean of its centre; `None` if it is clipped or
-/// absent.
+/// Returns the reading of a picture in which a small lit screen is the brightest object: the mean of the screen's centre; `None` if the
+/// screen is clipped or absent.
 #[must_use]
 pub fn screen(lens: &Lens, shown: &CodedPicture<'_>) -> Option<Reading> {
     let lit = |[x, y]: &[usize; 2]| lens.unproject(DVec2::new(*x as f64, *y as f64)).is_some();
@@ -185,7 +185,8 @@ pub fn screen(lens: &Lens, shown: &CodedPicture<'_>) -> Option<Reading> {
     let sum = inside.iter().fold(DVec2::ZERO, |sum, [x, y]| sum + DVec2::new(*x as f64, *y as f64));
     let middle = sum / count;
     let direction = lens.unproject(middle).filter(|_| inside.len() >= 9)?;
-    // Half of the radius of a disc of this area around the centre: mixed pixels of the edge are left out, and a linear slope cancels.
+    // The mean covers half of the radius of a disc with the screen's area: mixed pixels of the screen's edge are left out, and a linear
+    // slope cancels.
     let near =
         |[x, y]: &&[usize; 2]| DVec2::new(*x as f64, *y as f64).distance_squared(middle) < 0.25 * count / PI;
     let values: Vec<f64> = inside.iter().filter(near).map(|[x, y]| shown.light(*x, *y)).collect();
@@ -208,7 +209,7 @@ mod tests {
         Lens::equidistant([319.5, 319.5], 200.0, 92f64.to_radians()).expect("a lens")
     }
 
-    /// Returns a picture whose codes are linear, with noise of one code.
+    /// Returns a picture whose codes are proportional to `light`, with noise of one code.
     fn picture(light: impl Fn(DVec2) -> f64) -> Grey {
         let code = |i: usize| {
             let noise = ((i * 7919) % 97) as f64 / 48.5 - 1.0;
