@@ -7,13 +7,13 @@ use std::collections::BTreeMap;
 use std::net::{IpAddr, SocketAddr};
 use std::time::{Duration, Instant};
 
-/// mDNS type of the probe's service.
+/// mDNS type of the service that the probe announces.
 pub const SERVICE: &str = "_hemilux._tcp.local.";
 
-/// Longest time that [`Announced`] waits on drop until the withdrawal of the announcement is sent.
+/// Longest time for which the drop of [`Announced`] waits until the withdrawal of the announcement is sent.
 const FAREWELL: Duration = Duration::from_millis(500);
 
-/// An announcement, withdrawn on drop.
+/// An mDNS announcement of the probe, withdrawn on drop.
 pub struct Announced {
     daemon: ServiceDaemon,
     name: String,
@@ -33,7 +33,7 @@ fn try_announce(address: SocketAddr) -> Result<Announced, mdns_sd::Error> {
     let machine = machine::name();
     let daemon = ServiceDaemon::new()?;
     if address.is_ipv4() {
-        // A server at 0.0.0.0 does not answer at the machine's IPv6 addresses.
+        // A server at 0.0.0.0 does not answer at the IPv6 addresses of the machine.
         daemon.disable_interface(IfKind::IPv6)?;
     }
     let every = address.ip().is_unspecified();
@@ -56,7 +56,7 @@ const MOST: usize = 256;
 pub struct Found {
     /// Name of the probe.
     pub name: String,
-    /// Addresses of the probe, `http://HOST:PORT/`.
+    /// URLs of the probe, `http://HOST:PORT/`.
     pub urls: Vec<String>,
     /// Version of the program `hemilux` that the probe runs.
     pub version: String,
@@ -83,7 +83,7 @@ pub fn browse(time: Duration) -> Result<Vec<Found>, mdns_sd::Error> {
     Ok(found.into_values().collect())
 }
 
-/// Converts an announcement. Control characters in its texts become spaces.
+/// Converts an mDNS announcement to a list entry. Control characters in its texts become spaces.
 fn found_of(service: &ResolvedService) -> Found {
     let plain = |text: &str| text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect::<String>();
     let usable = service.get_addresses().iter().map(|address| address.to_ip_addr());
@@ -112,7 +112,7 @@ impl Drop for Announced {
 mod tests {
     use super::*;
 
-    /// Skipped, with a line on stdout, on machines without multicast.
+    /// The test is skipped, with a line on stdout, on machines without multicast.
     #[test]
     fn browse_lists_an_announced_probe_with_its_address() {
         let machine = machine::name();

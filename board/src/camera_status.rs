@@ -11,15 +11,15 @@ pub struct CameraStatus {
     pub delay_frames: Option<u32>,
     /// The part of the sensor that pictures show; null where it is unknown.
     pub view: Option<ViewStatus>,
-    /// Number of frames for each origin of their exposure.
+    /// Number of frames by the origin of their exposure.
     pub known: KnownCounts,
-    /// Numbers of frames by their result.
+    /// Number of frames by their result.
     pub frames: FrameCounts,
-    /// Writes of the exposure that were skipped because they would have taken effect too late.
+    /// Number of writes of the exposure that were skipped because they would have taken effect too late.
     pub late_writes: u64,
-    /// Writes of the exposure that the driver refused.
+    /// Number of writes of the exposure that the driver refused.
     pub failed_writes: u64,
-    /// Number of frames whose brightness ratio to a neighbour contradicts their exposure.
+    /// Number of frames whose brightness ratio to a neighbouring frame contradicts their exposure.
     pub mismatches: u64,
     /// Number of times that the measured control delay changed.
     pub resyncs: u64,
@@ -41,29 +41,29 @@ pub struct ExposureStatus {
 /// The part of a sensor that pictures show.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct ViewStatus {
-    /// Area of that part over the sensor's area, 0 to 1.
+    /// Fraction of the sensor's area that pictures show, 0 to 1.
     pub share: f64,
-    /// Left, top, width and height in sensor pixels.
+    /// Left edge, top edge, width and height of the part, in sensor pixels.
     pub crop: [u32; 4],
-    /// Sensor pixels per pixel of the picture, horizontally and vertically.
+    /// Number of sensor pixels per pixel of the picture, horizontally and vertically.
     pub binning: [u32; 2],
 }
 
-/// Number of frames for each origin of their exposure.
+/// Numbers of frames by the origin of their exposure.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct KnownCounts {
-    /// Frames whose brightness ratio to a neighbour agrees with their exposure within 10 %.
+    /// Number of frames whose brightness ratio to a neighbouring frame agrees with their exposure within 10 %.
     pub verified: u64,
-    /// Frames whose exposure was measured from brightness ratios.
+    /// Number of frames whose exposure was measured from brightness ratios.
     pub measured: u64,
-    /// Frames whose exposure follows from the writes of the control alone.
+    /// Number of frames whose exposure follows from the writes of the exposure control alone.
     pub predicted: u64,
-    /// Frames whose exposure is unknown.
+    /// Number of frames whose exposure is unknown.
     pub unknown: u64,
 }
 
 impl KnownCounts {
-    /// Returns each count with its name.
+    /// Returns each count with the name of the origin.
     #[must_use]
     pub const fn named(&self) -> [(&'static str, u64); 4] {
         let Self { verified, measured, predicted, unknown } = *self;
@@ -74,21 +74,21 @@ impl KnownCounts {
 /// Numbers of frames by their result.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct FrameCounts {
-    /// Complete frames.
+    /// Number of complete frames.
     pub complete: u64,
-    /// Frames that are missing between the sensor's frame numbers: the driver did not deliver them.
+    /// Number of frames that are missing between the sensor's frame numbers: the driver did not deliver them.
     pub lost: u64,
-    /// Frames with the driver's error flag.
+    /// Number of frames with the driver's error flag.
     pub flagged: u64,
-    /// Frames of zero bytes.
+    /// Number of frames of zero bytes.
     pub empty: u64,
-    /// Frames with fewer bytes than the format requires.
+    /// Number of frames with fewer bytes than the format requires.
     pub short: u64,
-    /// Frames whose number is not greater than that of the frame before.
+    /// Number of frames whose number is not greater than that of the frame before.
     pub repeated: u64,
-    /// Compressed frames that are cut or damaged.
+    /// Number of compressed frames that are truncated or damaged.
     pub damaged: u64,
-    /// Complete frames whose timestamp is not of CLOCK_MONOTONIC.
+    /// Number of complete frames whose timestamp is not of CLOCK_MONOTONIC.
     pub unstamped: u64,
 }
 

@@ -65,7 +65,7 @@ hemisphere without noise), ,every=2 (seconds for which each map of a folder stay
 Signals: SIGHUP reads the settings of the --config file again; SIGINT and SIGTERM end the probe.
 Exit status: 0 when stopped by SIGINT or SIGTERM, 1 after a failure, 2 for wrong usage or a refused configuration file.";
 
-/// Longest time from SIGTERM to the end of the process; after it, the process exits even if a thread is blocked.
+/// Longest time from SIGTERM to the end of the process, which then exits even if a thread is blocked.
 const STOP_TIME: Duration = Duration::from_millis(950);
 
 /// A light probe: fisheye bursts in, directional lights out, over HTTP.
@@ -182,7 +182,7 @@ struct Serve {
 /// The failure of a command: one line and an exit status.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Failure {
-    /// The message: the file or option, the value that was found, and the value that was expected.
+    /// The error message: the file or option, the value that was found, and the value that was expected.
     pub line: String,
     /// 2 for wrong usage and refused contents of the configuration file, 1 for everything else.
     pub status: u8,
@@ -244,7 +244,8 @@ fn say_bytes(bytes: &[u8]) -> Result<(), Failure> {
     }
 }
 
-/// Prints the addresses at which clients reach the server; the first line has this machine's own, which is returned.
+/// Prints the addresses at which clients reach the server that listens at `bound`; the first line has the address for this machine, which
+/// is returned.
 fn tell_addresses(bound: SocketAddr, what: &str) -> Result<String, Failure> {
     let addresses = machine::reachable(bound);
     let first = addresses.first().copied().unwrap_or(bound).to_string();
@@ -322,7 +323,7 @@ fn start_senders(peers: plan::Peers, link: &std::sync::Arc<Link>) -> Result<Vec<
     Ok(senders)
 }
 
-/// Waits for the end of the program. On SIGHUP, reads the configuration file again and applies its settings.
+/// Waits for the end of the program. On SIGHUP, the configuration file is read again and its settings are applied.
 fn wait(running: &Running, signals: &mut Signals, link: &Link, options: &Serve) -> Event {
     loop {
         match running.wait(signals, link.status().ended()) {

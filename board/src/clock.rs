@@ -25,7 +25,7 @@ mod tests {
 
     #[test]
     fn monotonic_time_advances_like_instant() {
-        // The interval of the second clock contains that of the first.
+        // The interval measured by the second clock contains the interval measured by the first.
         let (start, began) = (std::time::Instant::now(), monotonic_ns());
         std::thread::sleep(std::time::Duration::from_millis(20));
         let (passed, elapsed) = (monotonic_ns() - began, start.elapsed().as_nanos() as u64);

@@ -15,11 +15,11 @@ use toml_edit::{DocumentMut, Item};
 /// Largest size of a configuration file, bytes.
 const MOST_BYTES: u64 = 64 << 10;
 
-/// A configuration file that settings can be written back to.
+/// A configuration file to which settings can be saved.
 #[derive(Clone, Debug)]
 pub struct ConfigFile {
     path: PathBuf,
-    /// Locked while the file is written.
+    /// Locked while the configuration file is written.
     writing: Arc<Mutex<()>>,
 }
 
@@ -61,7 +61,7 @@ pub struct Kept {
     pub settings: toml::Table,
 }
 
-/// Reasons for which the file cannot be used.
+/// Reasons for which the configuration file cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigFileError {
     /// The file cannot be read.
@@ -88,7 +88,7 @@ pub struct OpenedConfig {
 }
 
 impl ConfigFile {
-    /// Reads the file at `path`.
+    /// Reads the configuration file at `path`.
     ///
     /// # Errors
     /// [`ConfigFileError`] where the file cannot be read or has unknown keys or values.
@@ -114,8 +114,9 @@ impl ConfigFile {
         Ok(OpenedConfig { file: Self { path: path.into(), writing: Arc::default() }, kept })
     }
 
-    /// Writes the settings of `config` that differ from the defaults into the file and removes the others, except those with comments; other
-    /// keys stay unchanged. A setting that is off and has no value in TOML is removed with its comments. The replacement is atomic.
+    /// Writes to the file the settings of `config` that differ from the defaults, and removes the other settings, except those with
+    /// comments; all other keys stay unchanged. A setting that is off and has no value in TOML is removed with its comments. The replacement
+    /// of the file is atomic.
     ///
     /// # Errors
     /// [`ConfigFileError`] where the file cannot be read or written.
@@ -139,7 +140,7 @@ impl ConfigFile {
 
     /// Writes a new file in the same folder and renames it, so that readers get either the old or the new content.
     fn replace(&self, bytes: &[u8]) -> std::io::Result<()> {
-        // Where the name is a link, the file that it points to is replaced.
+        // If the path is a link, the file at the end of the link is replaced.
         let path = fs::canonicalize(&self.path)?;
         let about = fs::metadata(&path)?;
         let (owner, user) = (about.uid(), rustix::process::geteuid().as_raw());
@@ -169,7 +170,7 @@ fn read(path: &Path) -> Result<String, ConfigFileError> {
     if length as u64 > MOST_BYTES { Err(ConfigFileError::TooLong(path.into())) } else { Ok(text) }
 }
 
-/// Sets the value of a key; the comments above and behind its old value stay.
+/// Sets the value of the key `name` in the document; the comments above and behind the old value stay.
 fn put(document: &mut DocumentMut, name: &str, item: Item) {
     let old = document.get(name).and_then(Item::as_value).map(|value| value.decor().clone());
     document[name] = item;

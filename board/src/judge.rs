@@ -13,19 +13,19 @@ use hemilux_core::light::{Light, Sh9};
 use hemilux_core::pyramid::Quad;
 use hemilux_core::receiver::{self, OPEN, SHADOWED, Shadowed};
 
-/// Number of receivers of each kind, open and shadowed.
+/// Number of receivers that are scored of each kind, open and shadowed.
 const LOOKED_AT: usize = 256;
 
-/// Most points that replace a light which is read as a uniform disc.
+/// Largest number of points that replace a light which is read as a uniform disc.
 const MOST_POINTS: usize = 48;
 
-/// Most points of all discs of a set together; each disc of a larger set gets fewer points.
+/// Largest number of points of all discs of a set together; each disc of a larger set gets fewer points.
 const DISC_POINTS: usize = MOST_POINTS * 64;
 
 /// The golden angle, radians.
 const GOLDEN: f32 = 2.399_963;
 
-/// A light set to score: lights and ambient radiance.
+/// A light set to be scored: lights and ambient radiance.
 #[derive(Clone, Copy, Debug)]
 pub struct Lit<'a> {
     /// The lights of the set.
@@ -45,10 +45,10 @@ pub struct Score {
     pub soft_open: f32,
     /// Like `shadowed`, with the lights read as uniform discs of their radius.
     pub soft_shadowed: f32,
-    /// Difference of the total energies of set and map, divided by the map's.
+    /// Difference between the total energies of the set and of the map, divided by the total energy of the map.
     pub energy: f32,
-    /// RMS over the shadowed receivers of the set's change of irradiance since the last frame minus the map's, divided by the mean; `None` in
-    /// the first frame.
+    /// RMS over the shadowed receivers of the difference between the changes of irradiance since the last frame by the set and by the map,
+    /// divided by the mean irradiance; `None` in the first frame.
     pub flicker: Option<f32>,
 }
 
@@ -57,27 +57,27 @@ pub struct Score {
 struct Receiver {
     normal: Vec3,
     axis: Vec3,
-    /// Cosine of the cone's half-angle; above 1 for no cone.
+    /// Cosine of the half-angle of the occluding cone; above 1 for a receiver without a cone.
     cos: f32,
 }
 
-/// Point lights, one array per component so that sums run in vector registers.
+/// Point lights, in one array per component so that sums run in vector registers.
 #[derive(Clone, Debug, Default)]
 struct Points {
     axes: [Vec<f32>; 3],
     energies: Vec<f32>,
 }
 
-/// Irradiance of each receiver from a map or a light set.
+/// Irradiance of each receiver by a map or a light set.
 type Irradiances = Vec<f32>;
 
-/// Scores `N` light sets of each frame.
+/// Scores `N` light sets of each frame against the map of the frame.
 #[derive(Clone, Debug)]
 pub struct Judge<const N: usize> {
     open: Vec<Receiver>,
     shadowed: Vec<Receiver>,
     points: Points,
-    /// Number of the last frame, and the irradiances of the shadowed receivers in it: from the map, then from each set.
+    /// Number of the last scored frame, and the irradiances of the shadowed receivers in it: by the map, then by each set.
     last: Option<(u64, Vec<Irradiances>)>,
 }
 
@@ -101,7 +101,7 @@ impl<const N: usize> Default for Judge<N> {
 }
 
 impl<const N: usize> Judge<N> {
-    /// Scores the sets of frame `frame` against the map `sketch`. Over a dark map all scores are 0.
+    /// Scores the light sets `sets` of frame `frame` against the map `sketch`. Over a dark map all scores are 0.
     pub fn judge(&mut self, frame: u64, sketch: &[Quad], sets: [Lit<'_>; N]) -> [Score; N] {
         self.points.of_map(sketch);
         let total: f32 = self.points.energies.iter().sum();
@@ -146,7 +146,8 @@ impl Points {
         }
     }
 
-    /// Sets the points to the set's lights, added by `add_lights`, and its ambient light at the centre of each of `quads` quads.
+    /// Replaces the points by the lights of the set, which `add_lights` adds, and by its ambient light, as one point at the centre of each
+    /// of `quads` quads.
     fn of_set(&mut self, set: &Lit<'_>, quads: usize, add_lights: impl Fn(&mut Self, &[Light])) {
         self.clear();
         add_lights(self, set.lights);
@@ -166,8 +167,8 @@ impl Points {
         }
     }
 
-    /// Adds the lights as discs: each is a spiral of points of equal energy. Over the hemisphere a disc counts whole if its centre is above
-    /// the horizon.
+    /// Adds the lights as discs: each disc is a spiral of points of equal energy. Over the hemisphere, a disc whose centre is above the
+    /// horizon counts whole.
     fn add_discs(&mut self, lights: &[Light]) {
         let each = (DISC_POINTS / lights.len().max(1)).clamp(1, MOST_POINTS);
         for light in lights {
@@ -208,7 +209,7 @@ impl Points {
     }
 }
 
-/// Returns the least order at which a hemisphere has at least `quads` quads; 0 if no order below `Order::MAX` has.
+/// Returns the least HEALPix order at which a hemisphere has at least `quads` quads; 0 if no order below `Order::MAX` has.
 fn order_of(quads: usize) -> u8 {
     (0..Order::MAX.get()).find(|order| Domain::Hemisphere.quads(*order) >= quads).unwrap_or(0)
 }
@@ -253,7 +254,7 @@ mod tests {
         let (right, none) = (Lit { lights: &[light], ambient: None }, Lit { lights: &[], ambient: None });
         let [a, b] = Judge::default().judge(0, &sketch, [right, none]);
         assert!(a.open < 1e-5 && a.shadowed < 1e-5 && a.energy < 1e-6 && a.flicker.is_none(), "{a:?}");
-        // Over normals of the whole sphere: the RMS of max(0, cos) over its mean is sqrt(1/6) / (1/4).
+        // Over normals of the whole sphere, the RMS of max(0, cos) divided by its mean is sqrt(1/6) / (1/4).
         assert!((b.open - 1.633).abs() < 0.02 && b.energy == 1.0, "{b:?}");
     }
 

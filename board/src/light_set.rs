@@ -6,7 +6,8 @@ use hemilux_core::wire::{LightSet, Record};
 /// A light set that owns its strings, lights and harmonics.
 pub type OwnedSet = Record<String, Vec<Light>, Sh9>;
 
-/// Copies `from` into `to`. The strings and the lights of `to` are overwritten in place: no memory is allocated while they fit.
+/// Copies the light set `from` into `to`. The strings and the lights of `to` are overwritten in place: no memory is allocated while the new
+/// ones fit.
 pub fn copy(from: &LightSet<'_>, to: &mut OwnedSet) {
     let mut texts = [std::mem::take(&mut to.run), std::mem::take(&mut to.sampler)].into_iter();
     let text = |new: &str| {

@@ -1,8 +1,8 @@
-//! The machine's name, and the addresses by which other machines reach it.
+//! The host name of the machine, and the addresses by which other machines reach it.
 
 use std::net::{IpAddr, SocketAddr};
 
-/// Longest name that [`name`] returns, characters.
+/// Largest number of characters of the host name that [`name`] returns.
 const MOST: usize = 63;
 
 /// Returns the machine's host name without its domain, reduced to letters, digits and hyphens; `hemilux` if nothing is left.
@@ -25,8 +25,8 @@ pub fn reachable(bound: SocketAddr) -> Vec<SocketAddr> {
     of_interfaces(bound, found.into_iter().map(|interface| interface.ip()))
 }
 
-/// Returns the addresses of [`reachable`] on a machine whose interfaces have the addresses `found`. Link-local addresses need a zone and are left
-/// out.
+/// Returns the addresses of [`reachable`] on a machine whose interfaces have the addresses `found`. Link-local addresses are left out, since they
+/// need a zone.
 fn of_interfaces(bound: SocketAddr, found: impl Iterator<Item = IpAddr>) -> Vec<SocketAddr> {
     let is_usable = |ip: &IpAddr| match ip {
         IpAddr::V4(ip) => !ip.is_loopback() && !ip.is_link_local(),

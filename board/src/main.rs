@@ -17,9 +17,9 @@ fn main() -> ExitCode {
     }
 }
 
-/// Makes the allocator return blocks of 256 KB and more, such as answers of thousands of lights, to the system when they are freed. By default
-/// glibc raises its threshold M_MMAP_THRESHOLD to the size of the largest freed block and keeps freed blocks below it: with sets of
-/// 50,000 lights, the program keeps 14 MB.
+/// Makes the allocator return blocks of 256 KB and more, such as answers of thousands of lights, to the system when they are freed. By
+/// default, glibc raises its threshold M_MMAP_THRESHOLD to the size of the largest freed block and keeps freed blocks below the threshold:
+/// with sets of 50,000 lights, the program keeps 14 MB.
 #[cfg(target_env = "gnu")]
 #[allow(unsafe_code, reason = "the option has no safe wrapper")]
 fn return_large_blocks() {

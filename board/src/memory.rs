@@ -1,4 +1,4 @@
-//! The buffers that a probe uses, with their sizes in bytes.
+//! The buffers that a probe allocates, with their sizes in bytes.
 
 use crate::calibration::Calibration;
 use crate::pipeline::Pipeline;
@@ -19,12 +19,12 @@ pub struct MemoryPlan {
     lights: usize,
     /// HEALPix order of the map.
     order: u8,
-    /// HEALPix order at which pixels are summed.
+    /// HEALPix order at which pixels are summed before the map's order is computed.
     source_order: u8,
     buffers: Vec<BufferSize>,
-    /// Most bytes that a comparison uses in addition to `buffers` while a client requests one.
+    /// Largest number of bytes that a comparison uses in addition to `buffers` while a client requests one.
     comparison: usize,
-    /// Most bytes that each tier uses in addition to `buffers` while clients request it.
+    /// Largest number of bytes that each tier uses in addition to `buffers` while clients request the tier.
     tier: usize,
 }
 
@@ -32,7 +32,7 @@ pub struct MemoryPlan {
 const SMALL: usize = 12;
 
 impl MemoryPlan {
-    /// Lists the buffers of `pipeline` and its sampler.
+    /// Lists the buffers of `pipeline` and of its sampler.
     #[must_use]
     pub fn of(pipeline: &Pipeline) -> Self {
         let (c, s) = (pipeline.calibration(), pipeline.settings());
@@ -68,20 +68,20 @@ impl MemoryPlan {
         Self { width, height, exposures, lights: s.lights, order, source_order, buffers, comparison, tier }
     }
 
-    /// Returns the buffers; those of the frames come first.
+    /// Returns the buffers of the pipeline; those of the frames come first.
     #[must_use]
     pub fn buffers(&self) -> &[BufferSize] {
         &self.buffers
     }
 
-    /// Returns the sum of all buffers, bytes.
+    /// Returns the sum of the sizes of all buffers, bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
         self.buffers.iter().map(BufferSize::bytes).sum()
     }
 }
 
-/// Returns the largest memory of a tier, bytes: that of the largest sampler and its sets.
+/// Returns the memory of a tier, bytes, for the sampler that needs most, and its light sets.
 fn tier(shape: &Shape, tuning: &Tuning, lights: usize) -> usize {
     let lights = lights.clamp(1, tiers::MOST_LIGHTS);
     let of =
@@ -90,7 +90,7 @@ fn tier(shape: &Shape, tuning: &Tuning, lights: usize) -> usize {
     sampler + BufferSize::of::<Light>("sets", 4 * lights).bytes()
 }
 
-/// Returns the largest memory of `/v1/compare`, bytes: that of the largest sampler, its sets, and the polar map if the pipeline has none.
+/// Returns the memory of `/v1/compare`, bytes, for the sampler that needs most, its light sets, and the polar map if the pipeline has none.
 fn comparison(shape: &Shape, tuning: &Tuning, has_polar: bool) -> usize {
     let Shape { order, grid, .. } = shape;
     let state =

@@ -11,15 +11,15 @@ const LINE: &[u8] = b"hemilux: found a processor without NEON, expected ARMv7 wi
 /// The NEON bit of `AT_HWCAP`, from the kernel's `asm/hwcap.h`.
 const HWCAP_NEON: libc::c_ulong = 1 << 12;
 
-/// Exit status of the program without NEON.
+/// Exit status of the program on a processor without NEON.
 const STATUS: libc::c_int = 1;
 
-// SAFETY: entries of this section are functions that the loader calls one by one, with arguments that C's convention lets us ignore.
+// SAFETY: entries of this section are functions that the loader calls one by one; their arguments may be ignored by C's calling convention.
 #[used]
 #[unsafe(link_section = ".preinit_array")]
 static CHECK: extern "C" fn() = check;
 
-/// Uses scalar C calls alone, which a compiler cannot vectorise (`tests/vectors/missing.sh` runs it without NEON).
+/// Uses scalar C calls alone, which a compiler cannot vectorise (`tests/vectors/missing.sh` runs the check without NEON).
 extern "C" fn check() {
     // SAFETY: the three C functions need no initialisation, and `LINE` is static.
     unsafe {

@@ -3,21 +3,21 @@
 /// Noise of one sample, codes: variance = `read`^2 + `gain` x (code - `dark`).
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Noise {
-    /// Read noise, including quantisation, codes RMS.
+    /// Read noise including quantisation noise, codes RMS.
     pub read: f64,
-    /// Gain, codes per electron.
+    /// Gain of the sensor, codes per electron.
     pub gain: f64,
-    /// Dark level: mean code without light.
+    /// Dark level of the sensor: mean code without light.
     pub dark: f64,
 }
 
-/// Least number of bins with enough samples for a measurement.
+/// Least number of bins with enough samples that a measurement needs.
 const LEAST_BINS: usize = 6;
 
-/// Least number of samples in a bin that is used.
+/// Least number of samples in a bin that the fit uses.
 const LEAST_SAMPLES: u32 = 200;
 
-/// Number of bins between the dark level and saturation.
+/// Number of bins of mean codes between the dark level and saturation.
 const BINS: usize = 64;
 
 /// Sums over the samples whose mean of two frames lies in one bin.
@@ -28,7 +28,7 @@ struct Bin {
     squares: f64,
 }
 
-/// A photon-transfer measurement: variance against mean over pairs of frames of a still scene with equal exposures.
+/// A photon-transfer measurement: variance against mean of the samples in pairs of frames of a still scene with equal exposures.
 #[derive(Clone, Debug)]
 pub struct PhotonTransfer {
     dark: f64,
@@ -97,21 +97,21 @@ impl PhotonTransfer {
 }
 
 impl Noise {
-    /// Returns an assumed noise for an unknown sensor with `codes` codes between black and white: a full well of 5,000 electrons, read noise
-    /// of 8 electrons, and quantisation noise.
+    /// Returns the noise that is assumed for an unknown sensor with `codes` codes between black and white: a full well of 5,000 electrons,
+    /// read noise of 8 electrons, and quantisation noise.
     #[must_use]
     pub fn assumed(dark: f64, codes: f64) -> Self {
         let gain = codes / 5_000.0;
         Self { read: (64.0 * gain * gain + 1.0 / 12.0).sqrt(), gain, dark }
     }
 
-    /// Returns the standard deviation of a sample that is `above` codes above dark, codes.
+    /// Returns the standard deviation, in codes, of a sample that is `above` codes above the dark level.
     #[must_use]
     pub fn deviation(&self, above: f64) -> f64 {
         (self.read * self.read + self.gain * above.max(0.0)).sqrt()
     }
 
-    /// Returns the number of codes above dark at which a sample is `ratio` times its standard deviation.
+    /// Returns the number of codes above the dark level at which a sample is `ratio` times its standard deviation.
     #[must_use]
     pub fn codes_at(&self, ratio: f64) -> f64 {
         let half = 0.5 * ratio * ratio * self.gain;
@@ -128,7 +128,7 @@ mod tests {
     fn pairs(read: f64, gain: f64, dark: f64, white: f64) -> Vec<(f64, f64)> {
         let mut state = 7u64;
         let mut uniform = || {
-            // The generator MMIX of [Knuth1997].
+            // The random numbers are those of the generator MMIX of [Knuth1997].
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             (state >> 32) as f64 / 4_294_967_296.0
         };

@@ -1,4 +1,4 @@
-//! Pictures of a map: tone-mapped, with the lights drawn on it.
+//! Pictures of a radiance map: tone-mapped, with the lights drawn on it.
 
 use hemilux_core::color::luminance;
 use hemilux_core::light::Light;
@@ -6,10 +6,11 @@ use hemilux_core::polar::{Grid, LatLongView};
 use hemilux_core::tonemap;
 use image::{Rgb, RgbImage};
 
-/// Least width of a picture, pixels: smaller maps are enlarged by integer factors.
+/// Least width of a picture of a map, pixels: smaller maps are enlarged by integer factors.
 const LEAST_WIDTH: usize = 720;
 
-/// Draws the tone-mapped map with a ring round each light: the ring's size grows with the light's energy, its disc has the light's colour.
+/// Draws the tone-mapped map with a ring round each light: the size of the ring grows with the light's energy, the disc in it has the
+/// light's colour.
 #[must_use]
 pub fn draw(map: &LatLongView<'_>, lights: &[Light]) -> RgbImage {
     let grid = map.grid;

@@ -14,7 +14,7 @@ pub(crate) struct Polar {
     plan: Arc<ShareTable>,
 }
 
-/// The share table in use in this process: its computation is slow, and it depends on grid and order alone.
+/// The share table that this process uses: its computation is slow, and it depends on grid and order alone.
 static KNOWN: Mutex<Option<Known>> = Mutex::new(None);
 
 struct Known {
@@ -22,7 +22,7 @@ struct Known {
     plan: Weak<ShareTable>,
 }
 
-/// Returns the share table in use, or a new one.
+/// Returns the share table for `grid` and `order`: the one in use if it fits, else a new one.
 fn plan(grid: &Grid, order: u8) -> Arc<ShareTable> {
     let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
     let shape = (*grid, order);

@@ -1,4 +1,4 @@
-//! Atomic replacement of files: a new file is written beside the old one and then renamed, so that readers get whole files.
+//! Atomic replacement of files: a new file is written in the same folder and then renamed, so that readers get whole files.
 
 use std::fs;
 use std::io;
@@ -8,7 +8,7 @@ use tempfile::NamedTempFile;
 
 const PREFIX: &str = ".hemilux-unfinished-";
 
-/// Age from which a temporary file is taken to be left over by a killed program.
+/// Age from which a temporary file counts as left over by a killed program.
 const ABANDONED: Duration = Duration::from_secs(60);
 
 /// Creates a file with a unique name in `folder`; removes the files that killed programs left there.
@@ -20,7 +20,7 @@ pub(crate) fn create(folder: &Path) -> io::Result<NamedTempFile> {
     tempfile::Builder::new().prefix(PREFIX).tempfile_in(folder)
 }
 
-/// Removes the abandoned files of `folder`. Errors are ignored: a file that stays does no harm.
+/// Removes the temporary files in `folder` that killed programs left. Errors are ignored: a file that stays does no harm.
 fn remove_abandoned(folder: &Path) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let is_ours = entry.file_name().to_string_lossy().starts_with(PREFIX);

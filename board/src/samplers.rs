@@ -1,4 +1,4 @@
-//! The samplers by kind, with memory from the heap.
+//! The samplers by kind, with memory that is allocated on the heap.
 
 use hemilux_core::healpix::Domain;
 use hemilux_core::light::Light;
@@ -15,25 +15,25 @@ use hemilux_core::sampler::{Request, Sampler, SamplerKind};
 use hemilux_core::{BufferSize, MapShape, Order};
 use std::ops::RangeInclusive;
 
-/// Largest number of lights of a request.
+/// Largest number of lights that a request may have.
 pub const MAX_LIGHTS: usize = 50_000;
 
-/// Range of the requested tolerance, a ratio.
+/// Range of the tolerance that a request may have, a ratio.
 pub const TOLERANCES: RangeInclusive<f32> = 0.002..=1.0;
 
-/// Range of the HEALPix order of the map.
+/// Range of the HEALPix orders of the map that the settings accept.
 pub const ORDERS: RangeInclusive<u8> = 4..=7;
 
-/// Range of the relative threshold of `q2tree`, a ratio.
+/// Range of the relative threshold of the sampler `q2tree`, a ratio.
 pub const THRESHOLDS: RangeInclusive<f32> = 0.0..=10.0;
 
-/// Range of the filter length of `hemigon-fir`, frames.
+/// Range of the filter length of the sampler `hemigon-fir`, frames.
 pub const TAPS: RangeInclusive<usize> = 1..=fir::MAX_TAPS;
 
-/// Range of the cut-off frequency of the filter of `hemigon-fir`, Hz: up to half of its assumed frame rate.
+/// Range of the cut-off frequency of the sampler `hemigon-fir`, Hz: up to half of its assumed frame rate.
 pub const CUTOFFS_HZ: RangeInclusive<f32> = 0.05..=5.0;
 
-/// Parameters of individual samplers that are fixed when a sampler is made, in contrast to the request of each frame.
+/// Parameters of individual samplers that are fixed when a sampler is made; the request of each frame has the others.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tuning {
     /// Relative threshold of `q2tree` and `q2tree-jitter`, in [`THRESHOLDS`].
@@ -58,7 +58,7 @@ impl Tuning {
         fir::Parameters { taps: self.taps, cutoff_hz: self.cutoff_hz.into(), ..fir::Parameters::default() }
     }
 
-    /// Returns the values that the sampler `kind` reads, and the defaults for all others.
+    /// Returns the parameters that the sampler `kind` reads, and the defaults for all others.
     #[must_use]
     pub fn of(self, kind: SamplerKind) -> Self {
         let default = Self::default();
@@ -73,11 +73,11 @@ impl Tuning {
 /// Shape of the maps that a sampler reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shape {
-    /// Part of the sphere: all of it or the upper hemisphere.
+    /// Part of the sphere that the maps cover: all of it or the upper hemisphere.
     pub domain: Domain,
-    /// Finest HEALPix order of the pyramid.
+    /// Finest HEALPix order of the maps' pyramid.
     pub order: u8,
-    /// Grid of the latitude-longitude map.
+    /// Grid of the latitude-longitude maps.
     pub grid: Grid,
 }
 
@@ -90,12 +90,12 @@ pub enum SamplerError {
     BadLights {
         /// The requested number of lights.
         found: usize,
-        /// The least number of lights that the sampler returns for such maps.
+        /// The least number of lights that the sampler supports for such maps.
         least: usize,
-        /// Kind of the sampler that was requested.
+        /// Kind of the requested sampler.
         sampler: SamplerKind,
     },
-    /// The tolerance is outside of [`TOLERANCES`].
+    /// The requested tolerance is outside of [`TOLERANCES`].
     #[error("tolerance {0}, expected 0.002 to 1 (0.03 is 3 per cent of shadowed error)")]
     BadTolerance(f32),
     /// The sampler estimates no error, which a tolerance and ambient light require.
@@ -103,20 +103,20 @@ pub enum SamplerError {
     NotModelled {
         /// The request that is refused: a tolerance or ambient light.
         what: &'static str,
-        /// Kind of the sampler that was requested.
+        /// Kind of the requested sampler.
         sampler: SamplerKind,
     },
 }
 
-/// Returns the finest order that `lights` lights need: 6, or 7 from 256 lights, where a small sun in one texel of order 6 would cause most of the
-/// error.
+/// Returns the finest order of the map that `lights` lights need: 6, or 7 from 256 lights, where a small sun in one texel of order 6 would cause
+/// most of the error.
 #[must_use]
 pub fn order_for(lights: usize) -> u8 {
     if lights < 256 { 6 } else { 7 }
 }
 
-/// Returns the order whose quads fill the polar map: at most 6, at which a quad is as large as a texel; the share table of order 7 would be four
-/// times as long.
+/// Returns the order of the quads from which the polar map is computed: `order`, at most 6, at which a quad is as large as a texel; the share
+/// table of order 7 would be four times as long.
 #[must_use]
 pub fn polar_order(order: u8) -> u8 {
     order.min(6)
@@ -154,7 +154,7 @@ pub fn make(
     make_tuned(kind, shape, lights, &Tuning::default())
 }
 
-/// Makes the sampler `kind` like [`make`], with the given tuning in place of the defaults.
+/// Makes the sampler `kind` like [`make`], with the parameters `tuning`.
 ///
 /// # Errors
 /// [`SamplerError`] for a number of lights or a shape that the sampler does not support.
@@ -179,7 +179,7 @@ pub fn make_tuned(
     })
 }
 
-/// Lists the buffers of the sampler that [`make_tuned`] makes.
+/// Lists the buffers of the sampler that [`make_tuned`] makes from the same arguments.
 #[must_use]
 pub fn buffers(kind: SamplerKind, shape: &Shape, lights: usize, tuning: &Tuning) -> Vec<BufferSize> {
     let Shape { domain, order, grid } = *shape;

@@ -1,17 +1,17 @@
 //! Built-in scenes: analytic radiance over directions, a deterministic function of the seconds since the start.
 //!
-//! A scene is a static radiance field with at most twelve moving patches over it. Radiance is relative: a well-lit wall has about 1, and the
-//! maximum is [`BRIGHTEST`], so that the exposures of a burst cover the whole range.
+//! A scene is a static radiance field with at most twelve moving patches in front of it. Radiance is relative: a well-lit wall has about 1,
+//! and the largest radiance is [`BRIGHTEST`], so that the exposures of a burst cover the whole range.
 
 use std::f32::consts::{PI, TAU};
 
-/// Largest radiance of a scene, any channel.
+/// Largest radiance of any channel in a scene.
 pub const BRIGHTEST: f32 = 50.0;
 
 /// Names that `scene:NAME` accepts; the first is the default.
 pub const NAMES: [&str; 4] = ["room", "sky", "lamps", "overcast"];
 
-/// Largest number of patches of a scene.
+/// Largest number of moving patches of a scene.
 const MAX_PATCHES: usize = 12;
 
 /// A round patch over the static field: opaque in its middle, with a fading edge.
@@ -23,9 +23,9 @@ pub struct Patch {
     pub radius: f32,
     /// Part of the squared chord from the centre to the edge over which the patch fades out, 0..=1.
     pub edge: f32,
-    /// Radiance of the patch.
+    /// Radiance of the patch, red, green and blue.
     pub radiance: [f32; 3],
-    /// Share of the light behind the patch that the patch hides, 0..=1; the radiance of the patch is added in full.
+    /// Fraction of the light behind the patch that the patch hides, 0..=1; the radiance of the patch is added in full.
     pub cover: f32,
 }
 
@@ -61,17 +61,17 @@ impl Patches {
         Self { all, count: N }
     }
 
-    /// Returns the patches, farthest first.
+    /// Returns the patches, the farthest first.
     #[must_use]
     pub fn as_slice(&self) -> &[Patch] {
         &self.all[..self.count]
     }
 }
 
-/// A function from a unit vector to the radiance of the static field.
+/// A function from a unit direction to the radiance of a scene's static field.
 type Still = fn([f32; 3]) -> [f32; 3];
 
-/// A function from seconds after the start to the patches at that time.
+/// A function from the seconds since the start to a scene's patches at that time.
 type Moving = fn(f32) -> Patches;
 
 /// A built-in scene: a static field and moving patches.
@@ -110,13 +110,13 @@ impl Scene {
         patches.as_slice().iter().fold(self.still(direction), |behind, p| p.over(behind, direction))
     }
 
-    /// Returns the radiance of the static field in `direction`.
+    /// Returns the radiance of the scene's static field in `direction`.
     #[must_use]
     pub fn still(&self, direction: [f32; 3]) -> [f32; 3] {
         (self.still)(direction)
     }
 
-    /// Returns the patches at `seconds` after the start.
+    /// Returns the scene's patches at `seconds` after the start.
     #[must_use]
     pub fn patches(&self, seconds: f32) -> Patches {
         (self.patches)(seconds)
@@ -127,7 +127,7 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Returns the cubic Hermite step of `x`: 0 up to 0, 1 from 1.
+/// Returns the cubic Hermite step at `x`: 0 for `x` up to 0, 1 for `x` from 1.
 fn smooth(x: f32) -> f32 {
     let x = x.clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)
@@ -148,7 +148,7 @@ fn lamp(direction: [f32; 3], radius_deg: f32, radiance: [f32; 3]) -> Patch {
     Patch { direction, radius: radius_deg.to_radians(), edge: 0.4, radiance, cover: 1.0 }
 }
 
-/// Returns a patch that covers nothing: the light that a lamp casts on its surroundings.
+/// Returns a patch that hides nothing, for the light that a lamp casts on its surroundings.
 fn glow(direction: [f32; 3], radius_deg: f32, radiance: [f32; 3]) -> Patch {
     Patch { direction, radius: radius_deg.to_radians(), edge: 1.0, radiance, cover: 0.0 }
 }
@@ -176,7 +176,7 @@ fn room(d: [f32; 3]) -> [f32; 3] {
     }
 }
 
-/// Returns a warm lamp that swings across the room with a period of four seconds.
+/// Returns the patch of a warm lamp that swings across the room with a period of four seconds.
 fn swinging_lamp(seconds: f32) -> Patches {
     let swing = (TAU * seconds / 4.0).sin();
     let (x, y, z) = (0.15 * swing - 0.35, 0.65 * swing, 1.1);
@@ -191,7 +191,7 @@ fn clear_sky(d: [f32; 3]) -> [f32; 3] {
     mix([0.95, 1.0, 1.05], [0.22, 0.42, 0.85], height)
 }
 
-/// Returns a veiled sun with its aureole, and clouds that drift across it.
+/// Returns the patches of a veiled sun with its aureole, and of clouds that drift across it.
 fn sun_and_clouds(seconds: f32) -> Patches {
     let sun = towards(40.0, 30.0);
     let cloud = |i: u16| {
@@ -226,7 +226,7 @@ fn dim_walls(d: [f32; 3]) -> [f32; 3] {
     mix([0.05, 0.05, 0.06], [0.10, 0.09, 0.08], d[2].clamp(0.0, 1.0))
 }
 
-/// Returns five coloured lamps, each lit for a fixed share of its own period.
+/// Returns the patches of five coloured lamps, each lit for a fixed fraction of its own period.
 fn switching_lamps(seconds: f32) -> Patches {
     let one = |theta: f32, phi: f32, colour: [f32; 3], period: f32, on: f32| {
         let lit = (seconds / period + phi / 360.0).rem_euclid(1.0) < on;
@@ -247,7 +247,7 @@ fn overcast_sky(d: [f32; 3]) -> [f32; 3] {
     [0.96 * y, y, 1.06 * y]
 }
 
-/// Returns two brighter patches of an overcast sky that move.
+/// Returns the patches of two brighter parts of an overcast sky that move.
 fn thin_spots(seconds: f32) -> Patches {
     let turn = seconds * 360.0 / 120.0;
     let wander = 25.0 * (PI * seconds / 30.0).sin();

@@ -1,4 +1,4 @@
-//! Messages to the service manager: readiness, shutdown, and the watchdog of the processing thread.
+//! Messages to the service manager systemd: readiness, shutdown, and the watchdog of the processing thread.
 //!
 //! Without a service manager the functions of this module do nothing.
 
@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// Number of watchdog messages per watchdog timeout: one late message does not cause a restart.
+/// Number of watchdog messages within the watchdog timeout: one late message does not cause a restart.
 const TIMES: u32 = 3;
 
 /// Reports readiness and the `address` to the service manager, and then a watchdog message at intervals while the processing thread responds.

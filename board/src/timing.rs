@@ -10,19 +10,19 @@ use recent::{Halves, Recent};
 use std::fmt;
 use std::time::Instant;
 
-/// Longest duration that the histograms resolve, microseconds; longer ones are counted as this duration.
+/// Longest duration of a stage that the histograms resolve, microseconds; longer ones are counted as this duration.
 const LONGEST_US: u64 = 60_000_000;
 
-/// Significant decimal digits of a percentile. With two digits, the histograms of all stages use 210 KiB.
+/// Number of significant decimal digits of a percentile. With two digits, the histograms of all stages use 210 KiB.
 const DIGITS: u8 = 2;
 
-/// Weight of the newest interval in the smoothed frame rate: the last ten frames have 65 % of the weight.
+/// Weight of the newest frame interval in the smoothed frame rate: the last ten frames have 65 % of the weight.
 const SMOOTHING: f32 = 0.1;
 
-/// Range of a stage's budget, milliseconds.
+/// Range of the budgets of stages that the settings accept, milliseconds.
 pub const BUDGETS_MS: std::ops::RangeInclusive<f32> = 0.01..=60_000.0;
 
-/// Longest times of the stages, microseconds, in the order of [`Latency::NAMES`].
+/// Budgets of the durations of the stages, microseconds, in the order of [`Latency::NAMES`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Budgets(pub [u32; STAGES]);
 
@@ -46,14 +46,14 @@ impl Budgets {
         self.0[STAGES - 1]
     }
 
-    /// Returns the budgets of a frame where one of `every` bursts is processed: that of the total is `every` times as long.
+    /// Returns these budgets for a probe that processes one of `every` bursts: that of the total is `every` times as long.
     #[must_use]
     pub fn at_rate(mut self, every: u32) -> Self {
         self.0[STAGES - 1] = self.total().saturating_mul(every);
         self
     }
 
-    /// Sets the budget of stage `i`, milliseconds, to the nearest microsecond.
+    /// Sets the budget of stage `i` to `ms` milliseconds, rounded to the nearest microsecond.
     pub fn set_ms(&mut self, i: usize, ms: f32) {
         if let Some(us) = self.0.get_mut(i) {
             *us = (ms * 1e3).round() as u32;
@@ -84,10 +84,10 @@ pub fn read_budgets(text: &str) -> Result<[Option<f32>; STAGES], String> {
     Ok(budgets)
 }
 
-/// Durations of one stage.
+/// Statistics of the durations of one stage.
 #[derive(Clone, Debug)]
 struct Durations {
-    /// The histogram; `None` only if the library refused `LONGEST_US` and `DIGITS`, which a test excludes.
+    /// The histogram of the durations; `None` only if the library refused `LONGEST_US` and `DIGITS`, which a test excludes.
     histogram: Option<Histogram<u32>>,
     most_us: u32,
     overruns: u64,
@@ -109,7 +109,8 @@ impl Durations {
         self.recent.add(us);
     }
 
-    /// Returns the duration that the share `part` of all frames do not exceed, microseconds, at most the longest; 0 without frames.
+    /// Returns the duration of the stage that the fraction `part` of all frames do not exceed, microseconds, at most the longest; 0 without
+    /// frames.
     fn percentile(&self, part: f64) -> u32 {
         let value = self.histogram.as_ref().map_or(0, |h| h.value_at_quantile(part));
         u32::try_from(value).unwrap_or(u32::MAX).min(self.most_us)
@@ -126,29 +127,29 @@ pub fn counters() -> usize {
 /// Statistics of one stage.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stage {
-    /// Median of the durations, microseconds.
+    /// Median of the stage's durations since the start, microseconds.
     pub p50: u32,
-    /// 95th percentile of the durations, microseconds.
+    /// 95th percentile of the stage's durations since the start, microseconds.
     pub p95: u32,
-    /// 99th percentile of the durations, microseconds.
+    /// 99th percentile of the stage's durations since the start, microseconds.
     pub p99: u32,
-    /// Longest duration, microseconds.
+    /// Longest duration of the stage since the start, microseconds.
     pub most: u32,
-    /// Number of frames that exceeded the budget.
+    /// Number of frames in which the stage exceeded its budget.
     pub overruns: u64,
-    /// The budget of the stage, microseconds.
+    /// The budget of the stage's duration, microseconds.
     pub budget: u32,
-    /// Percentiles over the last 30 to 60 seconds.
+    /// Percentiles of the stage's durations over the last 30 to 60 seconds.
     pub recent: Percentiles,
 }
 
-/// Durations of all stages.
+/// Statistics of the durations of all stages.
 #[derive(Clone, Debug)]
 pub struct Timings {
     stages: [Durations; STAGES],
     frames: u64,
     budgets: Budgets,
-    /// Start of the newest frame.
+    /// Start of the newest frame; `None` before the first one.
     started: Option<Instant>,
     /// Smoothed interval between the starts of frames, seconds; 0 before the second frame.
     interval_s: f32,
@@ -156,7 +157,7 @@ pub struct Timings {
 }
 
 impl Timings {
-    /// Creates statistics without frames.
+    /// Creates statistics of the stages without frames.
     #[must_use]
     pub fn new(budgets: Budgets) -> Self {
         Self {
@@ -169,7 +170,7 @@ impl Timings {
         }
     }
 
-    /// Updates the frame rate with the start of a frame.
+    /// Updates the frame rate with `now`, the start of a frame.
     pub fn start_frame(&mut self, now: Instant) {
         for _ in 0..self.halves.turns(now) {
             self.stages.iter_mut().for_each(|stage| stage.recent.turn());
@@ -186,7 +187,7 @@ impl Timings {
         if self.interval_s > 0.0 { 1.0 / self.interval_s } else { 0.0 }
     }
 
-    /// Adds the durations of a frame, where one of `every` bursts is processed; returns the stages that exceeded their budgets.
+    /// Adds the durations of a frame; one of `every` bursts is processed. Returns the stages that exceeded their budgets.
     pub fn add(&mut self, latency: &Latency, every: u32) -> Overrun {
         let budgets = self.budgets.at_rate(every);
         for ((stage, us), budget) in self.stages.iter_mut().zip(latency.all()).zip(budgets.0) {
@@ -196,12 +197,12 @@ impl Timings {
         Overrun::of(latency, &budgets.0)
     }
 
-    /// Sets the budgets of later frames; the counts of earlier overruns stay.
+    /// Sets the budgets for later frames; the counts of earlier overruns stay.
     pub fn set_budgets(&mut self, budgets: Budgets) {
         self.budgets = budgets;
     }
 
-    /// Returns the number of frames added.
+    /// Returns the number of frames whose durations were added.
     #[must_use]
     pub fn frames(&self) -> u64 {
         self.frames

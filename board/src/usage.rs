@@ -6,7 +6,7 @@ pub use clap_complete::Shell;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// The text for a command line that names no command.
+/// The text that a program prints for a command line that names no command or is wrong.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Explained {
     /// Help or version, for stdout.
@@ -46,8 +46,8 @@ fn similar(error: &clap::Error) -> Option<&str> {
     })
 }
 
-/// Returns the option of the refused command that is most similar to the wrong one. Clap's own measure finds no short word with two letters
-/// swapped.
+/// Returns the option of the refused command that is most similar to the wrong one. The measure of the library clap finds no short word
+/// with two letters exchanged.
 fn similar_option(error: &clap::Error, program: &Command) -> Option<String> {
     let Some(ContextValue::String(found)) = error.get(ContextKind::InvalidArg) else { return None };
     let Some(ContextValue::StyledStr(usage)) = error.get(ContextKind::Usage) else { return None };
@@ -63,8 +63,8 @@ fn similar_option(error: &clap::Error, program: &Command) -> Option<String> {
     Some(format!("--{similar}"))
 }
 
-/// Returns the `known` word that is most similar to `word`, if at most a third of the letters of `word` are wrong, missing, or swapped with a
-/// neighbour.
+/// Returns that of the `known` words which is most similar to `word`, if at most a third of the letters of `word` are wrong, missing, or
+/// exchanged with a neighbour.
 #[must_use]
 pub fn closest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let most = (word.chars().count() / 3).max(1);

@@ -250,7 +250,7 @@ fn lens(options: &LensOptions) -> Result<(), Failure> {
     say(&report(&calibrated, &options.out))
 }
 
-/// Refuses a crop and a binning that do not match the pictures' size.
+/// Refuses a crop and a binning that do not match the size of the pictures.
 fn check_mode(options: &LensOptions, size: [usize; 2]) -> Result<(), Failure> {
     let Some((crop, binning)) = options.crop.zip(options.binning) else { return Ok(()) };
     let fits = |axis: usize| {
@@ -284,7 +284,7 @@ fn circle(options: &CircleOptions) -> Result<(), Failure> {
     ))
 }
 
-/// Parses `N` whole numbers joined by commas.
+/// Parses `text` as `N` whole numbers that commas separate.
 fn numbers<const N: usize>(text: &str) -> Result<[u32; N], String> {
     let all: Option<Vec<u32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
     let all = all.and_then(|all| all.try_into().ok());

@@ -16,20 +16,20 @@ use serde::Serialize;
 use std::fmt::Write;
 use std::time::Duration;
 
-/// Excess of broken frames over complete ones at which the check fails.
+/// Largest difference between the numbers of broken and of complete frames, above which the check fails.
 const MOST_BROKEN: u64 = 100;
 
-/// Longest wait for a frame in one call.
+/// Longest wait for a frame of the camera in one call.
 const WAIT: Duration = Duration::from_millis(500);
 
 #[derive(Debug, Serialize)]
 struct Report {
     agreed: Vec<Agreed>,
-    /// Exposure times, seconds.
+    /// Exposure times of the camera's burst, seconds.
     exposures: Vec<f64>,
     /// Indices of the exposures whose times were measured, since they differ from the control's values.
     measured: Vec<usize>,
-    /// Values of the control for the exposures.
+    /// Values of the exposure control for the exposures.
     values: Vec<i64>,
     /// Standard deviation of a sample of each exposure from frame to frame, 1 for the whole range of codes; null where it is unknown.
     noise: Vec<Option<f64>>,
@@ -57,17 +57,17 @@ struct Report {
 struct Delivered {
     sequence: u32,
     timestamp_ns: u64,
-    /// CLOCK_MONOTONIC at which the frame was dequeued, nanoseconds: it also shows the delay of a driver that loses frames while a buffer is
+    /// CLOCK_MONOTONIC at which the frame was dequeued, nanoseconds. It shows the delay of a driver that loses frames although a buffer is
     /// free.
     arrived_ns: u64,
-    /// Index into the exposures.
+    /// Index of the frame's exposure; `None` if the exposure is unknown.
     exposure: Option<usize>,
     known: &'static str,
-    /// Mean relative code, 0 for black and 1 for white.
+    /// Mean relative code of the frame, 0 for black and 1 for white.
     level: f32,
 }
 
-/// Checks a camera with `count` frames.
+/// Checks the camera of `spec` with `count` frames and prints a report.
 pub(super) fn run(spec: &CameraSpec, count: u32, json: bool) -> Result<(), Failure> {
     let wished = spec.options().map_err(Failure::usage)?;
     let mut camera = Camera::open(&mut RealKernel, &wished).map_err(Failure::new)?;
@@ -75,13 +75,13 @@ pub(super) fn run(spec: &CameraSpec, count: u32, json: bool) -> Result<(), Failu
     if json { write_json(&report) } else { say(&summary(&report)) }
 }
 
-/// Writes `value` as JSON.
+/// Writes `value` to stdout as JSON.
 pub(super) fn write_json(value: &impl Serialize) -> Result<(), Failure> {
     let text = serde_json::to_string_pretty(value).map_err(Failure::new)?;
     say(&(text + "\n"))
 }
 
-/// Captures `count` frames and measures their properties.
+/// Captures `count` frames of the camera and measures their properties.
 fn check(camera: &mut Camera, kernel: &mut dyn Kernel, count: usize) -> Result<Report, Failure> {
     let (mut frame, mut codes, mut frames) = (RawFrame::default(), Vec::new(), Vec::new());
     let mut noise = vec![NoiseSums::default(); camera.settings().len()];
@@ -134,7 +134,7 @@ fn has_one_sample(format: Format) -> bool {
 /// Range of relative codes in which noise is measured: outside of it, noise is clipped.
 const MEASURED: std::ops::Range<f32> = 0.03..0.97;
 
-/// Noise of the samples of an exposure, from the differences of successive frames of the exposure.
+/// Sums over the samples of one exposure, from which noise is computed as the difference of successive frames.
 #[derive(Clone, Debug, Default)]
 struct NoiseSums {
     before: Vec<f32>,
@@ -154,7 +154,7 @@ impl NoiseSums {
         self.before.extend_from_slice(codes);
     }
 
-    /// Returns the standard deviation of a sample: that of the differences, divided by the root of two.
+    /// Returns the standard deviation of a sample: that of the differences between frames, divided by the root of two.
     fn deviation(&self) -> Option<f64> {
         (self.count > 0).then(|| (self.squares / self.count as f64 / 2.0).sqrt())
     }
@@ -240,19 +240,19 @@ fn summary(report: &Report) -> String {
     text
 }
 
-/// Least range of exposures that measures both lamps and a room, stops.
+/// Least range of exposure times that measures both lamps and a room, stops.
 const LEAST_STOPS: f64 = 4.0;
 
-/// Least share of the sensor that contains a fisheye's rim.
+/// Least fraction of the sensor's area that contains the rim of a fisheye image.
 const LEAST_SHARE: f64 = 0.9;
 
-/// Largest acceptable noise of a sample, as a part of the whole range.
+/// Largest acceptable standard deviation of a sample, as a fraction of the whole range of codes.
 const MOST_NOISE: f64 = 0.02;
 
-/// Largest acceptable share of lost or broken frames.
+/// Largest acceptable fraction of lost or broken frames.
 const MOST_LOST: f64 = 0.01;
 
-/// Returns findings about a camera, each with advice.
+/// Returns findings about the checked camera, each with advice.
 fn verdict(report: &Report) -> Vec<String> {
     let mut all = vec![range_verdict(report), exposure_verdict(report), delay_verdict(report)];
     all.extend([frame_verdict(report), view_verdict(report), noise_verdict(report)]);

@@ -20,7 +20,7 @@ pub(super) struct Devices {
     frames: u32,
 }
 
-/// Parses a camera's name on the command line.
+/// Parses a camera and its options, as written on the command line.
 pub(super) fn camera(text: &str) -> Result<CameraSpec, String> {
     CameraSpec::parse(text.strip_prefix("v4l2:").ok_or("expected v4l2:PATH, such as v4l2:/dev/video0")?)
 }

@@ -18,7 +18,7 @@ pub(super) struct LogOptions {
 }
 
 impl LogOptions {
-    /// Returns the level of the options; `None` without an option.
+    /// Returns the log level that the options select; `None` without an option.
     fn level(self) -> Option<Level> {
         match (self.quiet, self.verbose) {
             (true, _) => Some(Level::ERROR),

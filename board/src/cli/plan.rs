@@ -12,7 +12,7 @@ use std::io::{self, Write};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 
-/// Default TCP port, as in the thesis.
+/// Default TCP port of the server, as in the thesis.
 const PORT: u16 = 8080;
 
 /// The source of bursts, the address to listen on, the access rules, and the settings.
@@ -29,13 +29,13 @@ pub(super) struct ServePlan {
     pub(super) config: Config,
     pub(super) faults: Option<FaultSpec>,
     pub(super) file: Option<ConfigFile>,
-    /// True if the probe is announced on the network.
+    /// True if the probe is announced on the network by mDNS.
     pub(super) announce: bool,
     #[cfg(any(feature = "osc", feature = "mqtt"))]
     pub(super) peers: Peers,
 }
 
-/// The OSC and MQTT peers that sets are sent to.
+/// The OSC and MQTT peers to which light sets are sent.
 #[cfg(any(feature = "osc", feature = "mqtt"))]
 #[derive(Debug)]
 pub(super) struct Peers {
@@ -47,7 +47,7 @@ pub(super) struct Peers {
 
 #[cfg(any(feature = "osc", feature = "mqtt"))]
 impl Peers {
-    /// Combines the peers of the file and of the options; an error names the key of the file.
+    /// Combines the peers in the configuration file and in the options; an error names the key of the file.
     fn of(options: &Serve, kept: &Kept) -> Result<Self, (&'static str, String)> {
         #[cfg(feature = "osc")]
         let osc = kept.osc.iter().map(|text| text.parse()).collect::<Result<Vec<_>, String>>();
@@ -63,7 +63,7 @@ impl Peers {
 }
 
 impl ServePlan {
-    /// Combines the options with the configuration file, which they override.
+    /// Combines the configuration file with the options, which override the file.
     pub(super) fn of(options: &Serve) -> Result<Self, Failure> {
         let opened = options.config.as_deref().map(ConfigFile::open).transpose().map_err(not_opened)?;
         let (file, kept) = opened.map_or((None, Kept::default()), |opened| (Some(opened.file), opened.kept));
@@ -102,7 +102,7 @@ impl ServePlan {
         Ok(plan)
     }
 
-    /// Adds the faults of `--faults` to the source.
+    /// Adds the faults of the option `--faults` to the source.
     pub(super) fn damaged(&self, source: Box<dyn Source>) -> Box<dyn Source> {
         match &self.faults {
             Some(spec) => Box::new(FaultSource::new(source, spec.clone())),
@@ -110,7 +110,7 @@ impl ServePlan {
         }
     }
 
-    /// Applies the photometric calibration to the source, where there is one.
+    /// Applies the photometric calibration to the source, if there is one.
     pub(super) fn in_lux(&self, source: Box<dyn Source>) -> Result<Box<dyn Source>, Failure> {
         let Some(photometric) = self.photometric_calibration()? else { return Ok(source) };
         let source = PhotometricSource::new(source, photometric);
@@ -124,7 +124,7 @@ impl ServePlan {
         Ok(Box::new(source))
     }
 
-    /// Returns the file that calibrations are written to.
+    /// Returns the lens file to which calibrations made on the page are written.
     pub(super) fn calibration_file(&self) -> Option<PathBuf> {
         self.calibration.clone().or_else(|| self.source.lens())
     }
@@ -203,7 +203,8 @@ pub(super) fn reload(options: &Serve, link: &Link) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Combines the settings: defaults, then those of the file, then those of the options. An error names the setting.
+/// Combines the values of the settings: defaults, then those in the configuration file, then those in the options. An error names the
+/// setting.
 fn settings(options: &Serve, kept: toml::Table) -> Result<Config, (String, String)> {
     let mut config = Config::default();
     let json = serde_json::to_value(kept).map_err(|e| ("settings".to_owned(), e.to_string()))?;

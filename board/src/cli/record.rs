@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use toml::{Table, Value};
 
-/// Longest time without a burst: a camera that is reconnected delivers bursts again within it.
+/// Longest time without a burst: a camera that is connected again delivers bursts within this time.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 #[derive(Clone, Debug, Args)]
@@ -91,7 +91,7 @@ fn table(pairs: impl IntoIterator<Item = (&'static str, Value)>) -> Value {
     Value::Table(pairs.into_iter().map(|(name, value)| (name.into(), value)).collect())
 }
 
-/// Returns the tables that all bursts have in common: lens, response, levels and format.
+/// Returns the tables of `burst.toml` that all bursts have in common: lens, response, levels and format.
 fn head(source: &CameraSource) -> Table {
     let (c, p) = (source.calibration(), &source.terms().picture);
     let mut head = Table::new();
@@ -204,7 +204,7 @@ mod tests {
         CameraSource::open(Box::new(FakeKernel::new(script.clone())), &spec).expect("a camera")
     }
 
-    /// Returns the lights and the scalar flux of one burst.
+    /// Returns the lights and the scalar flux of the light set of one burst.
     fn lights(calibration: &Calibration, burst: &Burst) -> (Vec<Light>, [f32; 3]) {
         let exposures: Vec<_> = burst.frames.iter().map(|f| f.exposure).collect();
         let pipeline = Pipeline::try_new(*calibration, &exposures, Settings::default());
@@ -219,7 +219,7 @@ mod tests {
         burst
     }
 
-    /// The scene is static: each burst has the same light.
+    /// The scene is static: each burst of the recording has the same light.
     #[test]
     fn a_recording_has_the_lights_of_the_camera() {
         let yuv = Yuv { limited: true, matrix: Matrix::Bt601 };

@@ -6,7 +6,7 @@ use crate::usage;
 use clap::{Arg, ArgMatches, Args, Command, Error, FromArgMatches};
 use serde_json::Value;
 
-/// The settings on the command line.
+/// The values of settings that the command line states.
 #[derive(Clone, Debug, Default)]
 pub(super) struct SettingOptions {
     pub(super) change: Change,
@@ -16,7 +16,7 @@ fn settings() -> impl Iterator<Item = &'static Setting> {
     SETTINGS.iter().filter(|s| s.group != Group::Budgets)
 }
 
-/// Returns the option of a setting, such as `--fir-taps N` for `fir_taps`; the option of a switch without a value is on.
+/// Returns the command-line option of `setting`, such as `--fir-taps N` for `fir_taps`; a switch without a value is turned on.
 fn option(setting: &'static Setting) -> Arg {
     let (unit, default) = (setting.unit.map_or(String::new(), |unit| format!(", {unit}")), default(setting));
     let help = format!("{} {}{unit} [default: {default}]", setting.what, sentence(&setting.expected_word()));
@@ -33,7 +33,7 @@ fn option(setting: &'static Setting) -> Arg {
     }
 }
 
-/// Returns the values that `setting` accepts, and for a choice the accepted word that is most similar to `word`.
+/// Returns the error text for the value `word`: the values that `setting` accepts, and for a choice the accepted word that is most similar.
 fn refusal(setting: &Setting, word: &str) -> String {
     let similar = match setting.kind {
         Kind::Choice(words) => usage::closest(word, words.iter().copied()),

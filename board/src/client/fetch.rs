@@ -7,20 +7,20 @@ use std::io;
 use ureq::Agent;
 use ureq::http::Uri;
 
-/// Longest answer that is read, bytes: 50,000 lights take two million.
+/// Longest answer of a probe that is read, bytes: 50,000 lights take two million.
 const LONGEST_ANSWER: u64 = 16 << 20;
 
-/// Requests the sets of a probe on one connection.
+/// Requests the light sets of a probe on one connection.
 pub(super) struct Fetcher {
     agent: Agent,
     url: String,
 }
 
-/// Reasons for a missing set.
+/// Reasons why a request returned no light set.
 pub(super) enum Trouble {
     /// The request has timed out.
     Silence,
-    /// Another failure, with its description.
+    /// The request has failed otherwise, as described.
     Other(String),
 }
 
@@ -47,7 +47,7 @@ impl Fetcher {
         Ok(Self { agent: config.build().into(), url })
     }
 
-    /// Requests the next set after frame `after` and returns it in the memory of `set`.
+    /// Requests the light set after frame `after` and returns it in the memory of `set`.
     pub(super) fn next(&mut self, after: Option<u64>, mut set: Set) -> Result<Set, Trouble> {
         let url = after.map_or_else(|| self.url.clone(), |frame| format!("{}&after={frame}", self.url));
         let mut answer = self.agent.get(&url).call().map_err(trouble)?;

@@ -3,7 +3,7 @@
 use super::set::Set;
 use hemilux_core::light::Light;
 
-/// Appends to `lights` the lights interpolated between `from` (`part` 0) and `to` (`part` 1).
+/// Appends to `lights` the lights interpolated between the sets `from` (`part` 0) and `to` (`part` 1).
 pub(super) fn interpolate(from: &Set, to: &Set, part: f32, lights: &mut Vec<Light>) {
     lights.extend(to.lights.iter().map(|light| match from.light(light.id) {
         Some(old) => between(old, light, part),

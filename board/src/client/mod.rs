@@ -31,13 +31,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// First pause after a failure; each further pause is twice as long.
+/// Pause after the first of successive failures; each further pause is twice as long.
 const FIRST_PAUSE: Duration = Duration::from_millis(100);
 
-/// Longest pause between two attempts.
+/// Longest pause between two attempts to connect to the probe.
 const LONGEST_PAUSE: Duration = Duration::from_secs(5);
 
-/// Longest interval between two sets over which lights are interpolated. After a longer one, lights change at once.
+/// Longest interval between the arrivals of two sets over which lights are interpolated. After a longer one, lights change at once.
 const LONGEST_BLEND: Duration = Duration::from_secs(1);
 
 /// The requested light sets, and the address of the probe.
@@ -45,20 +45,20 @@ const LONGEST_BLEND: Duration = Duration::from_secs(1);
 pub struct Options {
     /// The probe's address, `http://HOST:PORT`.
     pub url: String,
-    /// The axes of directions and harmonics.
+    /// The axes of the directions and harmonics in the sets.
     pub coordinates: Coordinates,
-    /// Largest number of lights in a set; `None` for all lights.
+    /// Largest number of lights in a set; `None` for all lights of the probe's set.
     pub lights: Option<usize>,
     /// True if sets include spherical harmonics of the light that the directional lights do not represent.
     pub ambient: bool,
     /// True if lights are fitted as uniform discs of their radius; `None` for the probe's own setting.
     pub soft: Option<bool>,
-    /// Timeout of a request, after which it is repeated. The probe answers within 1.5 s.
+    /// Timeout of a request for a set, after which the request is repeated. The probe answers within 1.5 s.
     pub timeout: Duration,
 }
 
 impl Options {
-    /// Returns the options for all lights in the probe's axes from `url`, with a timeout of two seconds.
+    /// Returns the options for all lights in the axes of the probe at `url`, with a timeout of two seconds.
     #[must_use]
     pub fn new(url: &str) -> Self {
         let (coordinates, timeout) = (Coordinates::Probe, Duration::from_secs(2));
@@ -69,7 +69,7 @@ impl Options {
 /// Reasons why a client cannot start.
 #[derive(Debug, thiserror::Error)]
 pub enum ClientError {
-    /// The address is not that of a probe.
+    /// The URL is not that of a probe.
     #[error("probe '{0}': found another address, expected http://HOST:PORT")]
     BadUrl(String),
     /// The operating system cannot start a thread.
@@ -80,9 +80,9 @@ pub enum ClientError {
 /// The state of the connection to the probe.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum State {
-    /// No set has been received yet.
+    /// No light set has been received yet.
     Connecting,
-    /// The connection is open and sets are received.
+    /// The connection is open and light sets are received.
     Live,
     /// The probe answers, but its source has stopped.
     Stale(String),
@@ -103,7 +103,7 @@ struct Shared {
     stopping: AtomicBool,
 }
 
-/// The newest set and the one before, and the memory for the next set.
+/// The newest light set and the one before, and memory for the next set.
 #[derive(Debug)]
 struct Sets {
     latest: Option<Arc<Set>>,
@@ -111,24 +111,26 @@ struct Sets {
     spare: Option<Arc<Set>>,
     arrived: Instant,
     interval: Duration,
-    /// Number of sets so far, by which waiting threads detect a new set.
+    /// Number of sets that have been received, by which waiting threads detect a new set.
     count: u64,
     state: State,
 }
 
 impl Client {
-    /// Starts the thread that requests sets.
+    /// Starts the thread that requests light sets of a probe.
     ///
     /// # Errors
-    /// [`ClientError`]. A probe that does not answer is not an error: see [`Client::state`].
+    /// [`ClientError`] for a wrong URL, or if no thread can be started. A probe that does not answer is not an error: see
+    /// [`Client::state`].
     pub fn connect(options: &Options) -> Result<Self, ClientError> {
         Self::connect_with(options, |_| {})
     }
 
-    /// Starts the thread that requests sets; it calls `signal` with each new set.
+    /// Starts the thread that requests light sets of a probe and calls `signal` with each new set.
     ///
     /// # Errors
-    /// [`ClientError`]. A probe that does not answer is not an error: see [`Client::state`].
+    /// [`ClientError`] for a wrong URL, or if no thread can be started. A probe that does not answer is not an error: see
+    /// [`Client::state`].
     pub fn connect_with(
         options: &Options,
         signal: impl FnMut(&Set) + Send + 'static,
@@ -154,13 +156,13 @@ impl Client {
         Ok(Self { shared })
     }
 
-    /// Returns the newest set; `None` before the first one.
+    /// Returns the newest light set; `None` before the first one.
     #[must_use]
     pub fn latest(&self) -> Option<Arc<Set>> {
         self.shared.lock().latest.clone()
     }
 
-    /// Waits up to `patience` for a set that is newer than the newest one at the time of the call.
+    /// Waits up to `patience` for a light set that is newer than the newest one at the time of the call; `None` if none has come by then.
     #[must_use]
     pub fn next(&self, patience: Duration) -> Option<Arc<Set>> {
         let sets = self.shared.lock();
@@ -170,14 +172,14 @@ impl Client {
         (sets.count != before).then(|| sets.latest.clone())?
     }
 
-    /// Returns the state of the connection.
+    /// Returns the state of the connection to the probe.
     #[must_use]
     pub fn state(&self) -> State {
         self.shared.lock().state.clone()
     }
 
-    /// Writes the lights for the time `now` to `lights`: each light moves from its direction in the set before to its direction in the newest
-    /// set, by its id; new lights fade in and old ones out. The lights are delayed by one set and never extrapolated.
+    /// Writes the lights for the time `now` to `lights`: each light moves from its direction in the previous set to that in the newest set;
+    /// lights are matched by id; new lights fade in and old ones out. The lights are delayed by one set and never extrapolated.
     pub fn interpolated(&self, now: Instant, lights: &mut Vec<Light>) {
         let sets = self.shared.lock();
         let (latest, previous) = (sets.latest.clone(), sets.previous.clone());
@@ -205,7 +207,7 @@ impl Shared {
         self.sets.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Stores a set and notifies waiting threads; returns whether the set is new.
+    /// Stores a received light set and notifies waiting threads; returns true if the set is of another frame than the last one.
     fn take(&self, set: Arc<Set>) -> bool {
         let mut sets = self.lock();
         let state = set.stale.as_ref().map_or(State::Live, |stale| State::Stale(stale.reason.clone()));
@@ -229,7 +231,7 @@ impl Shared {
         is_news
     }
 
-    /// Returns memory for the next set: that of an earlier set without other owners, or new memory.
+    /// Returns memory for the next light set: that of an earlier set without other owners, or new memory.
     fn spare(&self) -> Set {
         let spare = self.lock().spare.take();
         spare.and_then(|set| Arc::try_unwrap(set).ok()).unwrap_or_default()
@@ -240,7 +242,7 @@ impl Shared {
     }
 }
 
-/// Requests sets until the client is dropped.
+/// Requests light sets until the client is dropped.
 fn follow(shared: &Shared, mut fetcher: Fetcher, mut signal: impl FnMut(&Set)) {
     let mut pause = FIRST_PAUSE;
     let mut after = None;
@@ -254,7 +256,7 @@ fn follow(shared: &Shared, mut fetcher: Fetcher, mut signal: impl FnMut(&Set)) {
                     signal(&set);
                 }
             }
-            // A timeout is not a refusal: the request is repeated without a pause.
+            // A timeout is no refusal by the probe: the request is repeated without a pause.
             Err(Trouble::Silence) => shared.lock().state = State::Lost("no answer in time".into()),
             Err(Trouble::Other(reason)) => {
                 shared.lock().state = State::Lost(reason);
@@ -265,7 +267,7 @@ fn follow(shared: &Shared, mut fetcher: Fetcher, mut signal: impl FnMut(&Set)) {
     }
 }
 
-/// Waits for `pause` or until the client is dropped.
+/// Waits for the time `pause` or until the client is dropped.
 fn rest(shared: &Shared, pause: Duration) {
     let sets = shared.lock();
     drop(shared.news.wait_timeout_while(sets, pause, |_| !shared.is_stopping()));

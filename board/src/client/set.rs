@@ -1,4 +1,4 @@
-//! A light set in the client's memory.
+//! A light set that the client has received.
 
 use crate::light_set::{self, OwnedSet};
 use hemilux_core::light::Light;
@@ -9,7 +9,7 @@ use std::ops::Deref;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Set {
     set: OwnedSet,
-    /// Ids of the lights and their indices in `lights`, sorted by id.
+    /// Ids of the lights, sorted, with the indices of the lights in `lights`.
     places: Vec<(u32, u32)>,
 }
 
@@ -22,7 +22,7 @@ impl Deref for Set {
 }
 
 impl Set {
-    /// Replaces the set by the one that `bytes` encode. The memory of the lights is reused.
+    /// Replaces this set by the one that `bytes` encode. The memory of the lights is reused.
     pub(super) fn read(&mut self, bytes: &BinarySet<'_>) {
         light_set::copy(&bytes.head(), &mut self.set);
         self.set.lights.extend(bytes.lights());
@@ -32,7 +32,7 @@ impl Set {
         self.places.sort_unstable();
     }
 
-    /// Returns the light with the id `id`.
+    /// Returns the light with the id `id`; `None` if the set has none.
     #[must_use]
     pub fn light(&self, id: u32) -> Option<&Light> {
         let at = self.places.binary_search_by_key(&id, |(id, _)| *id).ok()?;

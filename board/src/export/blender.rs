@@ -8,7 +8,7 @@ const LOSSES: [&str; 2] = [
     "run it again with another set: suns are matched by id, those that are gone are removed",
 ];
 
-/// The part of the script that creates suns from its table of lights.
+/// The constant part of the script, which creates suns from the script's table of lights.
 const PROGRAM: &str = r#"
 import math
 import bpy

@@ -1,4 +1,4 @@
-//! Comma-separated values: comments that start with `#`, a line of column names, then a line for each light.
+//! Light sets as comma-separated values: comments that start with `#`, a line of column names, then a line for each light.
 
 use super::{Numbers, Text, notes};
 use hemilux_core::wire::LightSet;

@@ -1,4 +1,4 @@
-//! Binary glTF 2.0: one node and one directional light of KHR_lights_punctual for each light.
+//! Light sets as binary glTF 2.0: one node and one directional light of KHR_lights_punctual for each light.
 
 use super::{Emission, ExportError, emission, notes, orientation};
 use hemilux_core::light::Light;

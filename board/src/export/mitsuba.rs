@@ -1,4 +1,4 @@
-//! A Mitsuba 3 scene: one `directional` emitter for each light, for `<include>` or as a scene of its own.
+//! Light sets as Mitsuba 3 scenes: one `directional` emitter for each light, for `<include>` or as a scene of its own.
 
 use super::{Numbers, Text, notes, xml_comment};
 use hemilux_core::color::luminance;

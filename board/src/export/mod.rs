@@ -2,7 +2,7 @@
 //! [`hemilux_core::wire`].
 //!
 //! Each file begins with comments that state the set's origin, its axes and unit, and the values that the form cannot contain. In glTF, whose
-//! JSON has no comments, they are in `asset.extras.notes`.
+//! JSON has no comments, the statements are in `asset.extras.notes`.
 
 mod blender;
 mod csv;
@@ -15,7 +15,7 @@ use hemilux_core::light::Light;
 use hemilux_core::wire::{self, Coordinates, LightSet, Unit};
 use std::fmt::{self, Display, Write};
 
-/// A form of the light set.
+/// A file form in which a light set can be exported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Form {
@@ -39,17 +39,17 @@ pub enum Form {
     Blender,
 }
 
-/// Reasons why a set cannot be written in a form.
+/// Reasons why a light set cannot be written in a form.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ExportError {
-    /// The form cannot state the requested axes.
+    /// The form cannot state the requested coordinate axes.
     #[error("coordinates {found} with format {form}: expected {expected}")]
     Axes {
         /// Name of the export form.
         form: &'static str,
-        /// The requested axes.
+        /// Name of the requested axes.
         found: &'static str,
-        /// The axes that the form can state.
+        /// Names of the axes that the form can state.
         expected: &'static str,
     },
     /// The file would be longer than the form allows.
@@ -58,7 +58,7 @@ pub enum ExportError {
 }
 
 impl Form {
-    /// All forms with their names.
+    /// All export forms with their names.
     pub const NAMED: [(&'static str, Self); 9] = [
         ("json", Self::Json),
         ("text", Self::Text),
@@ -71,19 +71,19 @@ impl Form {
         ("blender", Self::Blender),
     ];
 
-    /// Returns the form called `name`.
+    /// Returns the export form called `name`.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::NAMED.iter().find(|(n, _)| *n == name).map(|(_, form)| *form)
     }
 
-    /// Returns the name of the form.
+    /// Returns the name of the export form.
     #[must_use]
     pub fn name(self) -> &'static str {
         Self::NAMED.iter().find(|(_, form)| *form == self).map_or("", |(name, _)| *name)
     }
 
-    /// Returns the media type of the form.
+    /// Returns the media type of files in this form.
     #[must_use]
     pub const fn media_type(self) -> &'static str {
         match self {
@@ -98,13 +98,13 @@ impl Form {
         }
     }
 
-    /// Returns true if a file contains exactly one set, so that sets cannot be concatenated.
+    /// Returns true if a file in this form contains exactly one light set, so that sets cannot be concatenated.
     #[must_use]
     pub const fn is_scene(self) -> bool {
         matches!(self, Self::Glb | Self::Usda | Self::Radiance | Self::Mitsuba | Self::Blender)
     }
 
-    /// Returns the default axes: those of the other program.
+    /// Returns the default axes of the form: those of the program that reads it.
     #[must_use]
     pub const fn native_axes(self) -> Coordinates {
         match self {
@@ -115,7 +115,7 @@ impl Form {
         }
     }
 
-    /// Returns `axes`, or the default axes for `None`.
+    /// Returns `axes`, or the default axes of the form for `None`.
     ///
     /// # Errors
     /// [`ExportError::Axes`]: scenes are right-handed, and glTF is always +Y up.
@@ -134,7 +134,7 @@ impl Form {
     }
 }
 
-/// Values that plain text and XML do not contain.
+/// Notes about the values of a light set that plain text and XML do not contain.
 const PLAIN: [&str; 1] =
     ["left out: radius, age and parent of each light, the set's sums and estimated error; JSON has them"];
 
@@ -179,12 +179,12 @@ pub fn encode(
     Ok(())
 }
 
-/// The text of a file, built line by line.
+/// The text of an exported file, built line by line.
 #[derive(Default)]
 struct Text(String);
 
 impl Text {
-    /// Appends a line. Writing to a string cannot fail.
+    /// Appends `line` to the text. Writing to a string cannot fail.
     fn line(&mut self, line: impl Display) {
         let _ = writeln!(self.0, "{line}");
     }
@@ -193,7 +193,8 @@ impl Text {
 /// Luminous efficacy between lux and the W/m2 of Radiance and Blender, lm/W.
 const EFFICACY: f32 = 179.0;
 
-/// Writes the comments of a form in watts; if the set is in lux, the sentence `conversion` is added. Returns the factor from the set's unit.
+/// Writes the comments at the start of a form in watts; if the set is in lux, the sentence `conversion` is added. Returns the factor from
+/// the set's unit to watts.
 fn head_in_watts(text: &mut Text, set: &LightSet<'_>, losses: &[&str], conversion: &str) -> f32 {
     for note in notes(set, losses) {
         text.line(format_args!("# {note}"));
@@ -207,7 +208,7 @@ fn head_in_watts(text: &mut Text, set: &LightSet<'_>, losses: &[&str], conversio
     }
 }
 
-/// Formats numbers with a separator between them. A value that is not finite is written as 0.
+/// Formats an array of numbers with a separator between them. A number that is not finite is written as 0.
 struct Numbers<'a, const N: usize>([f32; N], &'a str);
 
 impl<const N: usize> Display for Numbers<'_, N> {
@@ -222,11 +223,11 @@ impl<const N: usize> Display for Numbers<'_, N> {
 /// An irradiance as the product of a colour and an intensity.
 struct Emission {
     intensity: f32,
-    /// Linear red, green and blue, of which the largest is 1.
+    /// Linear red, green and blue of the emission, of which the largest is 1.
     colour: [f32; 3],
 }
 
-/// Returns the intensity and the colour whose product is `irradiance`.
+/// Returns the colour and the intensity whose product is `irradiance`.
 fn emission(irradiance: [f32; 3]) -> Emission {
     let [r, g, b] = irradiance.map(|v| if v.is_finite() { v.max(0.0) } else { 0.0 });
     let intensity = r.max(g).max(b);
@@ -234,19 +235,20 @@ fn emission(irradiance: [f32; 3]) -> Emission {
     Emission { intensity, colour }
 }
 
-/// Returns the rotation (x, y, z, w) of a lamp that shines along -Z, such that its light comes from the direction of `light`.
+/// Returns the rotation (x, y, z, w) of a lamp that emits along its -Z axis, such that its light comes from the direction of `light`.
 fn orientation(set: &LightSet<'_>, light: &Light) -> [f32; 4] {
     let towards = set.coordinates.direction(light.direction).as_dvec3();
     let towards = towards.try_normalize().unwrap_or(glam::DVec3::Z);
     glam::DQuat::from_rotation_arc(glam::DVec3::NEG_Z, -towards).normalize().as_quat().to_array()
 }
 
-/// Returns the share of the irradiance of a uniform disc of angular radius `radius_deg` that a surface facing the disc's centre receives.
+/// Returns the ratio of the irradiance that a surface facing a uniform disc of angular radius `radius_deg` receives to the disc's scalar
+/// flux.
 fn facing(radius_deg: f32) -> f32 {
     (1.0 + radius_deg.clamp(0.0, 90.0).to_radians().cos()) / 2.0
 }
 
-/// Returns the comments at the start of a file: the set, its axes and unit, the energy that is left out, and `losses`.
+/// Returns the comments at the start of a file: the set, its axes and unit, the energy that is left out, and the notes `losses`.
 fn notes(set: &LightSet<'_>, losses: &[&str]) -> Vec<String> {
     let LightSet { run, frame, sampler, .. } = set;
     let count = set.lights.len();
@@ -269,7 +271,7 @@ fn notes(set: &LightSet<'_>, losses: &[&str]) -> Vec<String> {
     notes.into_iter().map(|note| on_one_line(&note)).collect()
 }
 
-/// Replaces control characters, which could end a comment line, and characters that XML forbids by spaces.
+/// Returns `text` with spaces in place of control characters, which could end a comment line, and of characters that XML forbids.
 fn on_one_line(text: &str) -> String {
     let is_kept = |c: char| !c.is_control() && !matches!(c, '\u{fffe}' | '\u{ffff}');
     text.chars().map(|c| if is_kept(c) { c } else { ' ' }).collect()

@@ -1,4 +1,4 @@
-//! A Radiance scene: one `source` for each light.
+//! Light sets as Radiance scenes: one `source` for each light.
 
 use super::{Numbers, Text, head_in_watts};
 use hemilux_core::light::Light;
@@ -9,7 +9,7 @@ const LOSSES: [&str; 2] = [
     "left out: identity over time, except in names",
 ];
 
-/// Least angular radius, degrees: a source of radius 0 would need infinite radiance.
+/// Least angular radius of a source, degrees: a source of radius 0 would need infinite radiance.
 const LEAST_RADIUS_DEG: f32 = 0.2665;
 
 pub(super) fn text(set: &LightSet<'_>) -> String {
@@ -24,7 +24,7 @@ pub(super) fn text(set: &LightSet<'_>) -> String {
 
 fn source(text: &mut Text, set: &LightSet<'_>, light: &Light, factor: f32) {
     let radius = light.radius_deg.clamp(LEAST_RADIUS_DEG, 90.0);
-    // The cap's solid angle, 2 pi (1 - cos r), in a form without cancellation at small radii.
+    // The solid angle of the cap, 2 pi (1 - cos r), is computed in a form without cancellation at small radii.
     let half = f64::from(radius).to_radians() / 2.0;
     let solid_angle = (4.0 * std::f64::consts::PI * half.sin() * half.sin()) as f32;
     let radiance = light.irradiance.map(|e| e / solid_angle * factor);

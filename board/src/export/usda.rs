@@ -1,4 +1,4 @@
-//! USD as text: a DistantLight for each light, and an invisible DomeLight with the map, so that no light counts twice.
+//! Light sets as USD text: a DistantLight for each light, and an invisible DomeLight with the map, so that no light counts twice.
 
 use super::{Emission, Numbers, Text, emission, facing, notes, orientation};
 use hemilux_core::light::Light;
@@ -51,8 +51,9 @@ fn distant(text: &mut Text, set: &LightSet<'_>, light: &Light) {
     text.line("        uniform token[] xformOpOrder = [\"xformOp:orient\"]\n    }");
 }
 
-/// Writes the DomeLight. A latlong texture of USD has longitude 0 along +Z of a +Y-up frame and 90 degrees along +X; maps of hemilux have
-/// longitude 0 along the probe's x and 90 degrees along its y. The rows of the matrix are the texture's axes in those of the file.
+/// Writes the DomeLight of `map`. A latlong texture of USD has longitude 0 along +Z of a +Y-up frame and 90 degrees along +X; maps of
+/// hemilux have longitude 0 along the probe's x and 90 degrees along its y. The rows of the matrix are the axes of the texture in those of
+/// the file.
 fn dome(text: &mut Text, axes: Coordinates, map: &str) {
     let rows = match axes {
         Coordinates::YUp => "(0, 0, -1, 0), (0, 1, 0, 0), (1, 0, 0, 0)",

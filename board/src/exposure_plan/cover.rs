@@ -1,4 +1,4 @@
-//! The least number of exposures that cover a set of radiances.
+//! The least number of exposures that cover the radiances of a scene.
 
 use crate::calibration::Calibration;
 use crate::noise::Noise;
@@ -7,13 +7,13 @@ use hemilux_core::mains::{Lamps, whole_periods};
 /// Largest number of exposures of a plan.
 pub const MOST: usize = 6;
 
-/// Least ratio of a covered sample to its standard deviation.
+/// Least ratio of the signal of a covered sample to its standard deviation.
 const LEAST_RATIO: f64 = 5.0;
 
-/// Margin of new exposures to the limits, in standard deviations of a sample.
+/// Distance of the radiances from the limits of new exposures, in standard deviations of a sample.
 const MARGIN: f64 = 3.0;
 
-/// Share of the darkest pixels, 0 to 1, which need not be covered.
+/// Fraction of the pixels, the darkest ones, that exposures need not cover, 0 to 1.
 const DARKEST: f64 = 0.02;
 
 /// Relative code from which a sample counts as saturated: lower than in the merge, so that covered radiances are not clipped.
@@ -26,12 +26,12 @@ pub struct TimeRange {
     pub shortest_s: f64,
     /// Longest exposure time at the frame rate, seconds.
     pub longest_s: f64,
-    /// Difference of two successive times, which are multiples of it; 0 for a camera that takes any time of the range.
+    /// Difference of two successive exposure times, which are multiples of it, seconds; 0 for a camera that accepts any time of the range.
     pub step_s: f64,
 }
 
 impl TimeRange {
-    /// The longest time of the camera that is not longer than `seconds`.
+    /// Returns the longest exposure time of the camera that is not longer than `seconds`.
     fn within(&self, seconds: f64) -> f64 {
         let seconds = seconds.clamp(self.shortest_s, self.longest_s);
         if self.step_s > 0.0 && seconds < self.longest_s {
@@ -40,29 +40,29 @@ impl TimeRange {
         seconds
     }
 
-    /// The range whose longest time is a whole number of periods of `lamps`, if a period fits.
+    /// Returns this range with the longest time reduced to a whole number of periods of `lamps`, if a period fits.
     #[must_use]
     pub fn of_whole_periods(&self, lamps: Lamps) -> Self {
         Self { longest_s: whole_periods(self.longest_s, lamps).max(self.shortest_s), ..*self }
     }
 }
 
-/// Part of a step by which a time may miss its multiple, for the rounding of its division.
+/// Fraction of a step by which an exposure time may miss a multiple of the step because of rounding.
 const ROUNDING: f64 = 1e-6;
 
 /// The range of relative exposures, 0 to 1, in which a sample is covered.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// The least relative exposure: `LEAST_RATIO` times its standard deviation, and trusted by the merge.
+    /// The least relative exposure of a covered sample: `LEAST_RATIO` times its standard deviation, and trusted by the merge.
     pub dark: f64,
-    /// The largest relative exposure, below saturation.
+    /// The largest relative exposure of a covered sample, below saturation.
     pub bright: f64,
-    /// The factors by which `dark` is raised and `bright` is lowered for new exposures.
+    /// The factors by which `dark` is raised and `bright` is lowered in the limits for new exposures.
     margins: [f64; 2],
 }
 
 impl Limits {
-    /// Returns the limits of a camera with `noise`, in codes.
+    /// Returns the limits of a camera whose samples have `noise`, in codes.
     #[must_use]
     pub fn of(calibration: &Calibration, noise: &Noise) -> Self {
         use hemilux_core::Response;
@@ -77,7 +77,7 @@ impl Limits {
         Self { dark: by_noise.max(trusted), bright, margins }
     }
 
-    /// Returns the limits for new exposures.
+    /// Returns the limits for new exposures, narrowed by the margins.
     #[must_use]
     pub fn narrowed(&self) -> Self {
         let [dark, bright] = self.margins;
@@ -86,16 +86,16 @@ impl Limits {
     }
 }
 
-/// A radiance of the scene and its share of the pixels.
+/// A radiance of the scene and the fraction of the pixels that have it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RadianceShare {
     /// Radiance: relative exposure per second.
     pub radiance: f64,
-    /// Share of the pixels, 0 to 1.
+    /// Fraction of the pixels, 0 to 1.
     pub share: f64,
 }
 
-/// Returns the radiances of `light`, brightest first, that exposures must cover: all but those of the darkest pixels.
+/// Returns those radiances of `light`, brightest first, that exposures must cover: all but the radiances of the darkest pixels.
 fn to_cover(light: &[RadianceShare]) -> impl Iterator<Item = f64> + '_ {
     let mut before = 0.0;
     let needed = light.iter().take_while(move |l| {
@@ -106,8 +106,8 @@ fn to_cover(light: &[RadianceShare]) -> impl Iterator<Item = f64> + '_ {
     needed.map(|l| l.radiance)
 }
 
-/// Returns the least set of exposure times, seconds, ascending, at most [`MOST`], that cover `light`, which is in descending order. Radiances
-/// that are too bright for the shortest or too dark for the longest time of `range` count as covered by that time.
+/// Returns the least set of exposure times, seconds, ascending, at most [`MOST`], that cover `light`, whose radiances are descending.
+/// Radiances that are too bright for the shortest or too dark for the longest time of `range` count as covered by that time.
 #[must_use]
 pub fn cover(light: &[RadianceShare], limits: &Limits, range: &TimeRange) -> Vec<f64> {
     let mut times: Vec<f64> = Vec::with_capacity(MOST);
@@ -124,7 +124,7 @@ pub fn cover(light: &[RadianceShare], limits: &Limits, range: &TimeRange) -> Vec
     times
 }
 
-/// Returns true if `times`, ascending, cover `light`, which is in descending order.
+/// Returns true if the exposure times `times`, ascending, cover `light`, whose radiances are descending.
 #[must_use]
 pub fn is_covered(light: &[RadianceShare], times: &[f64], limits: &Limits, range: &TimeRange) -> bool {
     let by = |radiance: f64, t: f64| {

@@ -5,10 +5,10 @@ use crate::calibration::{Burst, Calibration};
 use glam::DVec2;
 use hemilux_core::{Layout, read_rgb_row};
 
-/// Number of bins per octave of radiance.
+/// Number of bins of the histogram per octave of radiance.
 pub const BINS_PER_OCTAVE: usize = 4;
 
-/// Binary logarithm of the lower edge of the first bin; radiance is in relative exposure per second.
+/// Binary logarithm of the lower edge of the histogram's first bin; radiance is in relative exposure per second.
 const FIRST_OCTAVE: i32 = -24;
 
 /// Number of octaves of the histogram.
@@ -17,15 +17,15 @@ const OCTAVES: usize = 56;
 /// Step between sampled rows and between sampled columns, pixels.
 const STEP: u32 = 4;
 
-/// Numbers of pixels by radiance, and numbers of pixels above and below the measurable range.
+/// Numbers of pixels of a burst by radiance, and numbers of pixels above and below the measurable range.
 #[derive(Clone, Debug)]
 pub struct Histogram {
     counts: [u32; OCTAVES * BINS_PER_OCTAVE],
-    /// Number of all pixels, including those of unknown radiance.
+    /// Number of all pixels that were added, including those of unknown radiance.
     total: u32,
-    /// Pixels that are saturated in the shortest exposure.
+    /// Number of pixels that are saturated in the shortest exposure.
     above: Unmeasured,
-    /// Pixels that are too dark in the longest exposure.
+    /// Number of pixels that are too dark in the longest exposure.
     below: Unmeasured,
 }
 
@@ -33,7 +33,7 @@ pub struct Histogram {
 #[derive(Clone, Copy, Debug)]
 struct Unmeasured {
     pixels: u32,
-    /// Radiance above or below which the pixels lie, relative exposure per second.
+    /// Radiance above or below which the radiances of the pixels lie, relative exposure per second.
     bound: f64,
 }
 
@@ -49,20 +49,20 @@ impl Default for Histogram {
     }
 }
 
-/// Returns the upper edge of bin `at`, relative exposure per second.
+/// Returns the radiance at the upper edge of bin `at`, relative exposure per second.
 fn upper(at: usize) -> f64 {
     f64::from(FIRST_OCTAVE + (at as i32 + 1) / BINS_PER_OCTAVE as i32).exp2()
         * (((at + 1) % BINS_PER_OCTAVE) as f64 / BINS_PER_OCTAVE as f64).exp2()
 }
 
-/// Returns the bin of a radiance in relative exposure per second.
+/// Returns the index of the bin of `radiance`, in relative exposure per second.
 fn bin(radiance: f64) -> usize {
     let at = (radiance.log2() - f64::from(FIRST_OCTAVE)) * BINS_PER_OCTAVE as f64;
     (at.max(0.0) as usize).min(OCTAVES * BINS_PER_OCTAVE - 1)
 }
 
 impl Histogram {
-    /// Adds a pixel of known radiance, in relative exposure per second.
+    /// Adds a pixel with a known `radiance`, in relative exposure per second.
     pub fn add(&mut self, radiance: f64) {
         self.counts[bin(radiance)] += 1;
         self.total += 1;
@@ -80,24 +80,24 @@ impl Histogram {
         self.total += 1;
     }
 
-    /// Returns true if a pixel is saturated in the shortest exposure.
+    /// Returns true if a pixel was added that is saturated in the shortest exposure.
     pub(super) fn has_unknown_above(&self) -> bool {
         self.above.pixels > 0
     }
 
-    /// Removes all pixels; the shortest exposure is saturated from a radiance of `above`, and the longest one measures no radiance under
-    /// `below`.
+    /// Removes all pixels. From now on, the shortest exposure is saturated from a radiance of `above`, and the longest one measures no
+    /// radiance under `below`.
     fn clear(&mut self, above: f64, below: f64) {
         (self.counts, self.total) = ([0; _], 0);
         (self.above, self.below) = (Unmeasured::none(above), Unmeasured::none(below));
     }
 
-    /// Returns the radiances with their shares, brightest first: each bin by its upper edge; unknown radiances in each bin of their possible
-    /// range within `range`.
+    /// Returns the radiances with their fractions of the pixels, brightest first: each bin by its upper edge; pixels of unknown radiance in
+    /// each bin of their possible radiances within `range`.
     #[must_use]
     pub fn light(&self, range: &TimeRange) -> Vec<RadianceShare> {
         let share = |count: u32| f64::from(count) / f64::from(self.total.max(1));
-        // The first bin of each unknown part has all its pixels, since the part must be covered as a whole.
+        // The first bin of each unknown part gets all pixels of the part, since the part must be covered as a whole.
         let bright = bin(self.above.bound)..=bin(1.0 / range.shortest_s);
         let dark = bin(1e-3 / range.longest_s)..=bin(self.below.bound);
         let (above, below) = (self.above.pixels, self.below.pixels);
@@ -115,13 +115,13 @@ impl Histogram {
     }
 }
 
-/// Computes the radiances of bursts of one camera.
+/// Computes the histograms of radiances of one camera's bursts.
 #[derive(Clone, Debug)]
 pub(super) struct RadianceReader {
     layout: Layout,
-    /// Relative exposure of each code of green.
+    /// Relative exposure for each code of the green channel.
     curve: Vec<f32>,
-    /// The sampled rows, each with its sampled columns.
+    /// Indices of the sampled rows, each with the indices of its sampled columns.
     columns: Vec<(u32, Vec<u32>)>,
     rows: Vec<Vec<[u16; 3]>>,
 }
@@ -143,10 +143,11 @@ impl RadianceReader {
         Some(Self { layout: *layout, curve: curve.collect(), columns: columns.collect(), rows: Vec::new() })
     }
 
-    /// Replaces `histogram` by that of `burst`: each pixel has its radiance in the longest exposure in which it is not saturated.
+    /// Replaces the contents of `histogram` by the pixels of `burst`: the radiance of a pixel is that in the longest exposure in which the
+    /// pixel is not saturated.
     pub(super) fn read(&mut self, burst: &Burst, limits: &Limits, histogram: &mut Histogram) {
         let (Some(first), Some(last)) = (burst.frames.first(), burst.frames.last()) else { return };
-        // A pixel below a fifth of the limit has no radiance: its noise is as large as its signal.
+        // A pixel below a fifth of the limit gets no radiance: its noise is as large as its signal.
         let floor = limits.dark / 5.0;
         histogram.clear(limits.bright / first.exposure.seconds, floor / last.exposure.seconds);
         self.rows.resize_with(burst.frames.len(), Vec::new);

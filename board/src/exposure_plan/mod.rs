@@ -16,18 +16,18 @@ use crate::calibration::{Burst, Calibration};
 use crate::noise::Noise;
 use histogram::RadianceReader;
 
-/// Number of bursts for which a clipped spot between the sampled pixels stays covered.
+/// Number of bursts for which exposures cover a clipped spot that was found between the sampled pixels.
 const HOLD: u32 = 300;
 
-/// A clipped spot that lies between the sampled pixels.
+/// A clipped spot of a burst that lies between the sampled pixels.
 #[derive(Clone, Copy, Debug, Default)]
 struct Hidden {
     radiance: f64,
-    /// Number of bursts until the spot is no longer covered.
+    /// Number of further bursts for which exposures cover the spot.
     left: u32,
 }
 
-/// Plans the exposures of one camera, burst by burst.
+/// Plans the exposures of the bursts of one camera, one burst after the other.
 #[derive(Clone, Debug)]
 pub struct Planner {
     range: TimeRange,
@@ -38,7 +38,8 @@ pub struct Planner {
 }
 
 impl Planner {
-    /// Creates a planner for a camera of `calibration` with exposure times within `range`; `None` if its response is invalid.
+    /// Creates a planner for a camera of `calibration` with exposure times within `range`; `None` if the response of `calibration` is
+    /// invalid.
     #[must_use]
     pub fn new(calibration: &Calibration, range: TimeRange, noise: &Noise) -> Option<Self> {
         let limits = Limits::of(calibration, noise);
@@ -46,8 +47,8 @@ impl Planner {
         Some(Self { range, limits, reader, histogram: Histogram::default(), hidden: Hidden::default() })
     }
 
-    /// Returns the exposure times, seconds, ascending, of the bursts after `burst`, of whose light the share `clipped` was clipped; `None` if
-    /// the exposures do not change.
+    /// Returns the exposure times, seconds, ascending, of the bursts after `burst`, in which the fraction `clipped` of the light was clipped;
+    /// `None` if the exposures do not change.
     pub fn next(&mut self, burst: &Burst, clipped: f64) -> Option<Vec<f64>> {
         self.reader.read(burst, &self.limits, &mut self.histogram);
         let current: Vec<f64> = burst.frames.iter().map(|frame| frame.exposure.seconds).collect();

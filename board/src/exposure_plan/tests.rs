@@ -1,4 +1,4 @@
-//! Plans, compared with a search over all schedules, and a simulated camera with changing light.
+//! Plans of exposures, compared with a search over all sets of times, and applied to a simulated camera in changing light.
 
 use super::cover::RadianceShare;
 use super::*;
@@ -45,7 +45,7 @@ struct RoomCamera {
 
 /// Properties of a burst of the simulated camera.
 struct BurstResult {
-    /// Share of the pixels that are saturated in the shortest exposure, 0 to 1.
+    /// Fraction of the pixels that are saturated in the shortest exposure, 0 to 1.
     clipped: f64,
     /// Number of exposures of the burst.
     exposures: usize,
@@ -58,7 +58,7 @@ impl RoomCamera {
         Self { random: Random(1), times: times.to_vec(), planner }
     }
 
-    /// Returns the relative exposure per second of a pixel: the brightest is six octaves above the darkest.
+    /// Returns the radiance of the room at a pixel, relative exposure per second: the brightest is six octaves above the darkest.
     fn radiance(x: u32, y: u32) -> f64 {
         match (x / 8, y / 8) {
             (2..=3, 2..=3) => 640.0,
@@ -164,7 +164,7 @@ fn a_change_of_light_is_settled_within_three_bursts() {
     for factor in [10.0, 100.0, 1000.0, 0.1, 0.01, 0.001] {
         for within in [false, true] {
             let mut camera = RoomCamera::new(&[0.001, 0.006, 0.033]);
-            // Light that the camera can measure before and after the change.
+            // The light is within the range that the camera can measure, before and after the change.
             let before = if factor > 1.0 { 0.04 } else { 40.0 };
             (0..6).for_each(|_| _ = camera.burst(|_| before));
             let first = camera.burst(|frame| if within && frame == 0 { before } else { before * factor });

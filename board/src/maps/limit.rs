@@ -2,24 +2,24 @@
 
 use super::{MAX_PIXELS, Raster, Refusal};
 
-/// Largest number of texels per byte of a file. Deflate compresses by a factor of up to 1032, so that a uniform half-float map has up to 172
-/// texels per byte.
+/// Largest accepted number of texels per byte of a map file. Deflate compresses by a factor of up to 1032, so that a uniform half-float map
+/// has up to 172 texels per byte.
 const PIXELS_PER_BYTE: u64 = 200;
 
-/// Number of texels that are accepted for files of any length.
+/// Number of texels that are accepted for map files of any length.
 const FREE: u64 = 1 << 20;
 
-/// Number of texels that are accepted for files of any length with the DWA compression of OpenEXR, which stores little for smooth maps: 4096 x
-/// 2048 texels may take 15 KB.
+/// Number of texels that are accepted for map files of any length with the DWA compression of OpenEXR, which stores little for smooth maps:
+/// 4096 x 2048 texels may take 15 KB.
 const FREE_DWA: u64 = 1 << 23;
 
-/// Limits on the decoded size of a file.
+/// Limits on the decoded size of a map file.
 pub(super) struct Budget {
-    /// Length of the file, bytes.
+    /// Length of the map file, bytes.
     pub bytes: u64,
-    /// The user's limit, which replaces both default limits.
+    /// Largest number of texels that the user accepts, which replaces both default limits.
     pub max_pixels: Option<u64>,
-    /// Number of texels that are accepted for any length of the file.
+    /// Number of texels that are accepted for a file of any length.
     free: u64,
 }
 
@@ -28,12 +28,12 @@ impl Budget {
         Self { bytes, max_pixels, free: FREE }
     }
 
-    /// Returns the limits of a file with DWA compression.
+    /// Returns these limits for a file with DWA compression.
     pub fn of_dwa(&self) -> Self {
         Self { free: FREE_DWA, ..*self }
     }
 
-    /// Checks the size of an image.
+    /// Checks that a map of `width` by `height` texels is within the limits.
     pub fn check(&self, width: u64, height: u64) -> Result<(), Refusal> {
         if width == 0 || height == 0 {
             return Err(Refusal::new(format!("{width} x {height} texels"), "at least one texel"));
@@ -47,22 +47,22 @@ impl Budget {
         Err(Refusal::new(found, format!("at most {most} texels (--max-pixels sets the limit)")))
     }
 
-    /// Creates a black raster. The system zeroes its memory at the first use of each page, so that a file uses no more memory than it
-    /// decodes.
+    /// Creates a black raster. The system zeroes its memory at the first use of each page, so that a file uses no more memory than the
+    /// texels that are decoded.
     pub fn raster(&self, width: u64, height: u64) -> Result<Raster, Refusal> {
         self.check(width, height)?;
         let too_large = || Refusal::new(format!("{width} x {height} texels"), "a map that fits into memory");
         let size = |v: u64| usize::try_from(v).map_err(|_| too_large());
         let (width, height) = (size(width)?, size(height)?);
         let count = width.checked_mul(height).ok_or_else(too_large)?;
-        // A failed allocation of the vector would end the process: the memory is reserved first by a call that can fail.
+        // A failed allocation of a vector would end the process: the memory is reserved first by a call that can fail.
         Vec::<[f32; 3]>::new().try_reserve_exact(count).map_err(|_| too_large())?;
         Ok(Raster { width, height, texels: vec![[0.0; 3]; count] })
     }
 }
 
 impl Raster {
-    /// Returns the texels of a row for changes.
+    /// Returns the texels of row `row` for changes.
     pub fn row_mut(&mut self, row: usize) -> &mut [[f32; 3]] {
         &mut self.texels[row * self.width..(row + 1) * self.width]
     }

@@ -21,7 +21,7 @@ use std::fmt::Display;
 use std::io::{BufRead, BufReader, Seek};
 use std::path::{Path, PathBuf};
 
-/// Default of the largest number of texels: 16384 x 8192.
+/// Default limit on the number of texels of a map: 16384 x 8192.
 pub const MAX_PIXELS: u64 = 1 << 27;
 
 /// The part of the sphere that a map covers.
@@ -34,7 +34,7 @@ pub enum Covers {
 }
 
 impl Covers {
-    /// Returns the value of the OpenEXR attribute or of the Radiance header line.
+    /// Returns the name of the covered part in the OpenEXR attribute and in the Radiance header line.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -51,13 +51,13 @@ impl Covers {
 /// Options for reading a map file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ReadOptions {
-    /// Largest number of texels; `None` for [`MAX_PIXELS`] and a limit by the file's length.
+    /// Largest accepted number of texels; `None` for [`MAX_PIXELS`] and a limit by the file's length.
     pub max_pixels: Option<u64>,
-    /// The layer of an OpenEXR file, such as `ViewLayer.Combined`.
+    /// Name of the layer of an OpenEXR file that is read, such as `ViewLayer.Combined`.
     pub layer: Option<String>,
-    /// The projection, in place of the file's own statement; `None` to use the file's.
+    /// The projection of the map, which overrides the file's statement; `None` to use the statement.
     pub projection: Option<Projection>,
-    /// The covered part of the sphere, in place of the file's own statement; `None` to use the file's.
+    /// The part of the sphere that the map covers, which overrides the file's statement; `None` to use the statement.
     pub covers: Option<Covers>,
 }
 
@@ -66,17 +66,17 @@ pub struct ReadOptions {
 pub struct DecodedMap {
     /// Number of columns; azimuth pi at the left edge of the first column, -pi at the right edge of the last.
     pub width: usize,
-    /// Number of rows.
+    /// Number of rows of the map.
     pub height: usize,
-    /// Radiance in linear Rec. 709, row-major from the zenith; every value is finite and at least 0.
+    /// Radiance of the texels in linear Rec. 709, row after row from the zenith; every value is finite and at least 0.
     pub texels: Vec<[f32; 3]>,
     /// The part of the sphere that the rows cover.
     pub covers: Covers,
     /// Notes about the file for the user, such as a conversion of primaries.
     pub notes: Vec<String>,
-    /// Number of texels that were changed because a value was negative or not a number.
+    /// Number of texels that were changed because a channel was negative or not a number.
     pub negative: usize,
-    /// For each row, the number of texels with a value above the limit.
+    /// Number of texels of each row that had a channel above the limit.
     pub clipped: Vec<u32>,
 }
 
@@ -84,7 +84,7 @@ pub struct DecodedMap {
 #[derive(Debug, thiserror::Error)]
 #[error("{path}: found {found}, expected {expected}")]
 pub struct MapError {
-    /// Path of the file.
+    /// Path of the map file.
     pub path: PathBuf,
     /// Description of the value that was found.
     pub found: String,
@@ -113,21 +113,21 @@ impl Refusal {
 
 const EXPECTED: &str = "a latitude-longitude OpenEXR, Radiance HDR or PFM map";
 
-/// Texels in the order of rows, before projection and limits.
+/// The texels of a map file in the order of rows, before projection and limits.
 struct Raster {
     width: usize,
     height: usize,
     texels: Vec<[f32; 3]>,
 }
 
-/// Properties that the header states, common to all formats.
+/// Properties of a map that the headers of all formats can state.
 #[derive(Default)]
 struct Stated {
     covers: Option<Covers>,
     projection: Option<Projection>,
-    /// True if values are half floats.
+    /// True if the file's channels are half floats.
     half: bool,
-    /// The matrix from the file's primaries to linear Rec. 709, applied after infinities were replaced.
+    /// The matrix from the file's primaries to linear Rec. 709, which is applied after the replacement of infinities.
     to_rec_709: Option<[[f32; 3]; 3]>,
     notes: Vec<String>,
 }
@@ -138,7 +138,7 @@ struct DecodedFile {
     stated: Stated,
 }
 
-/// Reads a map file.
+/// Reads the map file at `path`.
 ///
 /// # Errors
 /// [`MapError`] for a file that cannot be read, has another format, has an unsupported property, or is too large.
@@ -150,7 +150,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<DecodedMap, MapError> 
     read_from(BufReader::new(file), bytes, options).map_err(at)
 }
 
-/// Reads a map from `bytes` bytes.
+/// Reads a map from `reader`, whose length is `bytes` bytes.
 ///
 /// # Errors
 /// [`Refusal`] for another format, an unsupported property, or a map that is too large.
@@ -177,7 +177,7 @@ pub fn read_from<R: BufRead + Seek>(
     finish(raster, stated, options)
 }
 
-/// Applies projection, limits and coverage to the texels.
+/// Applies projection, limits and coverage to the texels of a file.
 fn finish(mut raster: Raster, stated: Stated, options: &ReadOptions) -> Result<DecodedMap, Refusal> {
     let Stated { covers, projection, half, to_rec_709, mut notes } = stated;
     let range = match &to_rec_709 {
@@ -194,7 +194,7 @@ fn finish(mut raster: Raster, stated: Stated, options: &ReadOptions) -> Result<D
     let raster = projection::to_lat_long(raster, projection)?;
     let four_to_one = projection == Projection::LatLong && width == 4 * height;
     let covers = match options.covers {
-        // If the upper half of a whole map is requested, the file still covers the sphere.
+        // If the upper half of a whole map is requested, the texels still cover the sphere at this point.
         Some(Covers::Hemisphere) if covers != Some(Covers::Hemisphere) && !four_to_one => Covers::Sphere,
         Some(covers) => covers,
         None => covers.unwrap_or(Covers::Sphere),
@@ -231,7 +231,7 @@ fn shape_note(width: usize, height: usize, wide: usize) -> String {
     )
 }
 
-/// Returns the name of a known other format, or the first bytes of an unknown one.
+/// Returns the name of the file format for known formats that are not maps, or the first bytes of an unknown one.
 fn other(begin: &[u8]) -> String {
     let known: [(&[u8], &str); 11] = [
         (b"\x89PNG", "a PNG picture, which holds display colours"),

@@ -1,4 +1,4 @@
-//! Portable float maps: `PF` or `Pf`, size, byte order, then rows of 32-bit floats from the bottom.
+//! Portable float maps (PFM): `PF` or `Pf`, size, byte order, then rows of 32-bit floats from the bottom.
 
 use super::limit::Budget;
 use super::{DecodedFile, Refusal, Stated};
@@ -49,7 +49,7 @@ pub(super) fn read(reader: impl BufRead, budget: &Budget) -> Result<DecodedFile,
     Ok(DecodedFile { raster, stated: Stated::default() })
 }
 
-/// A reader that counts the bytes of the header.
+/// A reader that counts the bytes of the header of a portable float map.
 struct Counted<R> {
     reader: R,
     bytes: u64,
@@ -68,7 +68,7 @@ fn skip_blanks(reader: &mut impl BufRead, rest: u64) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// Returns the text up to the next white space, of which one byte is consumed.
+/// Returns the next word of the header, up to a white-space byte, which is consumed.
 fn word(reader: &mut Counted<impl BufRead>) -> Result<String, Refusal> {
     let mut text = String::new();
     for byte in reader.reader.by_ref().take(64).bytes() {

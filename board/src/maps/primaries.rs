@@ -1,8 +1,8 @@
-//! Conversion of stated primaries to linear Rec. 709, without adaptation of the white point.
+//! Conversion of colours in stated primaries to linear Rec. 709, without adaptation of the white point.
 
 use super::Refusal;
 
-/// CIE (x, y) of red, green, blue and white.
+/// CIE (x, y) of the red, green and blue primaries and of white.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Primaries(pub [[f64; 2]; 4]);
 
@@ -33,7 +33,7 @@ impl Primaries {
         Some(rows.map(|row| [row[0] * scale[0], row[1] * scale[1], row[2] * scale[2]]))
     }
 
-    /// Returns the matrix to linear Rec. 709.
+    /// Returns the matrix from colours in these primaries to linear Rec. 709.
     pub fn to_rec_709(self) -> Result<[[f32; 3]; 3], Refusal> {
         let unusable = || {
             let numbers: Vec<_> = self.0.as_flattened().iter().map(|v| format!("{v:.4}")).collect();
@@ -49,7 +49,7 @@ impl Primaries {
     }
 }
 
-/// Applies a matrix to every texel.
+/// Multiplies the colour of every texel by the matrix `m`.
 pub(super) fn convert(texels: &mut [[f32; 3]], m: &[[f32; 3]; 3]) {
     for texel in texels {
         let [r, g, b] = *texel;
@@ -61,7 +61,7 @@ fn apply(m: &Matrix, v: [f64; 3]) -> [f64; 3] {
     m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
 }
 
-/// Returns the inverse by cofactors; `None` for a singular matrix.
+/// Returns the inverse of the matrix `m`, by cofactors; `None` for a singular matrix.
 fn inverse(m: &Matrix) -> Option<Matrix> {
     let cofactor = |i: usize, j: usize| {
         let (a, b, c, d) = ((i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3);

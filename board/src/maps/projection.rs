@@ -1,4 +1,4 @@
-//! Resampling of other projections to latitude-longitude; the energy of every source texel is kept.
+//! Resampling of maps in other projections to latitude-longitude; the energy of every source texel is kept.
 //!
 //! The centre of an angular map, of a mirror ball and of the front face of a cross is the centre of the latitude-longitude map (azimuth 0,
 //! horizon), with the zenith upwards. Angular maps and crosses are seen from inside, like latitude-longitude maps. A mirror ball is a photograph
@@ -8,27 +8,28 @@
 use super::{Raster, Refusal};
 use std::f64::consts::{PI, TAU};
 
-/// The projection of a map.
+/// The projection of a map file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Projection {
     /// Azimuth along columns, polar angle along rows.
     LatLong,
-    /// A disc whose radius is proportional to the angle from the centre; the rim is the opposite direction.
+    /// A disc in which the distance from the centre is proportional to the angle from the middle direction; the rim is the opposite
+    /// direction.
     Angular,
-    /// The orthographic picture of a mirroring ball that fills the square.
+    /// The orthographic picture of a mirroring ball that fills the square image.
     MirrorBall,
     /// Six faces: a vertical cross of 3 x 4, a horizontal one of 4 x 3, or a strip of 1 x 6.
     Cube,
 }
 
-/// Number of samples along each side of a target texel.
+/// Number of samples along each side of a texel of the latitude-longitude map.
 const SAMPLES: usize = 4;
 
 /// Mapping between directions and texels of a projection.
 trait TexelMapping {
-    /// Returns column and row of the texel in a unit direction: forward, left, up.
+    /// Returns column and row of the texel that contains a unit direction, whose components are forward, left, up.
     fn texel(&self, direction: [f64; 3]) -> [f64; 2];
-    /// Returns the unit direction of the centre of a texel.
+    /// Returns the unit direction of the centre of a texel, with the components forward, left, up.
     fn direction(&self, column: usize, row: usize) -> [f64; 3];
     /// Returns the solid angle of a texel, steradians.
     fn solid_angle(&self, column: usize, row: usize) -> f64;
@@ -36,7 +37,7 @@ trait TexelMapping {
     fn columns(&self) -> usize;
 }
 
-/// Resamples `raster` to latitude-longitude; the sum of radiance times solid angle is kept.
+/// Resamples `raster` from `projection` to latitude-longitude; the sum of radiance times solid angle is kept.
 pub(super) fn to_lat_long(raster: Raster, projection: Projection) -> Result<Raster, Refusal> {
     let (width, height) = (raster.width, raster.height);
     let square = || {
@@ -69,8 +70,8 @@ fn resample(from: &Raster, source: &impl TexelMapping) -> Result<Raster, Refusal
     let target = LatLongTarget { width, height };
     target.for_each_sample(|_, direction, omega| weights[index(from, source, direction)] += omega as f32);
     texels.resize(width * height, [0.0; 3]);
-    // The energy of each source texel is distributed to the samples that lie in it, or added to the target texel at its centre if there are
-    // none.
+    // The energy of each source texel is distributed to the samples that lie in the texel. If no sample does, the energy is added to the
+    // target texel at its centre.
     for (k, weight) in weights.iter_mut().enumerate() {
         let (column, row) = (k % from.width, k / from.width);
         let omega = source.solid_angle(column, row);
@@ -96,7 +97,7 @@ fn index(from: &Raster, source: &impl TexelMapping, direction: [f64; 3]) -> usiz
     within(row, from.height) * from.width + within(column, from.width)
 }
 
-/// The latitude-longitude map that is computed.
+/// Size of the latitude-longitude map that is computed.
 struct LatLongTarget {
     width: usize,
     height: usize,
@@ -108,14 +109,14 @@ impl LatLongTarget {
         (edge(row) - edge(row + 1)) * TAU / self.width as f64
     }
 
-    /// Returns the index of the texel that contains a unit direction.
+    /// Returns the index of the target texel that contains a unit direction.
     fn index(&self, [forward, left, up]: [f64; 3]) -> usize {
         let row = up.clamp(-1.0, 1.0).acos() / PI * self.height as f64;
         let column = (PI - left.atan2(forward)) / TAU * self.width as f64;
         (row as usize).min(self.height - 1) * self.width + (column as usize).min(self.width - 1)
     }
 
-    /// Calls `visit(texel, direction, solid angle)` for every sample.
+    /// Calls `visit(texel, direction, solid angle)` for every sample of the latitude-longitude map.
     fn for_each_sample(&self, mut visit: impl FnMut(usize, [f64; 3], f64)) {
         let fraction = |k: usize, n: usize| (k as f64 + 0.5) / (n * SAMPLES) as f64;
         for i in 0..self.height * SAMPLES {
@@ -167,13 +168,13 @@ struct MirrorBall {
 
 impl TexelMapping for MirrorBall {
     fn texel(&self, [forward, left, up]: [f64; 3]) -> [f64; 2] {
-        // The normal halves the angle between the direction and the viewer.
+        // The normal of the ball halves the angle between the direction and the viewer.
         let length = (2.0 * (1.0 + forward)).max(1e-12).sqrt();
         disc(self.side, [left / length, up / length])
     }
 
     fn direction(&self, column: usize, row: usize) -> [f64; 3] {
-        // The reflection of the viewer's direction at the normal (x, y, z).
+        // The direction is the reflection of the viewer's direction at the normal (x, y, z) of the ball.
         let [x, y] = point(self.side, column, row);
         let z = (1.0 - x * x - y * y).max(0.0).sqrt();
         [2.0 * z * z - 1.0, 2.0 * z * x, 2.0 * z * y]
@@ -201,7 +202,8 @@ fn point(side: f64, column: usize, row: usize) -> [f64; 2] {
     [at(column), -at(row)]
 }
 
-/// A face of a cube map: its position in units of faces, and the directions of its centre, of its right edge and of its upper edge.
+/// A face of a cube map: its position in the image in units of faces, and the directions of its centre, of its right edge and of its upper
+/// edge.
 struct Face {
     place: [usize; 2],
     centre: [f64; 3],
@@ -212,7 +214,8 @@ struct Face {
 struct Cube {
     side: usize,
     faces: [Face; 6],
-    /// True if the outermost texels of a face are centred on its edges, as OpenEXR defines it, and extend beyond them by half a texel.
+    /// True if the outermost texels of a face are centred on the face's edges, as OpenEXR defines it, and extend beyond the edges by half a
+    /// texel.
     has_texels_on_edges: bool,
 }
 
@@ -238,7 +241,7 @@ impl Cube {
             has_texels_on_edges: false,
         };
         if width.is_multiple_of(3) && 4 * width == 3 * height {
-            // The back face is below the bottom face, rotated by half a turn.
+            // The back face is below the bottom face in the image, rotated by half a turn.
             let back = face(1, 3, BACK, RIGHT, DOWN);
             return Ok(cross(width / 3, back));
         }
@@ -260,7 +263,8 @@ impl Cube {
         Err(Refusal::new(format!("{width} x {height} texels"), "a cube map of 3:4, 4:3 or 1:6"))
     }
 
-    /// Returns the position in texels, from the first texel of a face, of `v` from -1 to 1; its fraction is the position within the texel.
+    /// Returns the position in texels, from the first texel of a face, of the face coordinate `v` from -1 to 1; the fractional part is the
+    /// position within the texel.
     fn place(&self, v: f64) -> f64 {
         let side = self.side as f64;
         let at = if self.has_texels_on_edges {
@@ -271,7 +275,7 @@ impl Cube {
         at.clamp(0.0, side - 1e-6)
     }
 
-    /// Inverts [`Self::place`], without its clamp.
+    /// Inverts [`Self::place`]: returns the face coordinate of a position in texels, not clamped.
     fn position(&self, place: f64) -> f64 {
         let side = self.side as f64;
         if self.has_texels_on_edges {

@@ -1,9 +1,9 @@
 //! Limits of the radiance of maps.
 
-/// Largest finite half float; infinities, which result from overflow, are replaced by it.
+/// Largest finite half float, which replaces infinities: they result from overflow.
 pub const HALF_MAX: f32 = 65504.0;
 
-/// Largest radiance of 32-bit float and RGBE maps: above every light source in any unit; f32 can represent its square.
+/// Largest accepted radiance of 32-bit float and RGBE maps: above every light source in any unit; f32 can represent its square.
 pub const FLOAT_MAX: f32 = 1e12;
 
 /// Numbers of texels that [`limit`] changed.
@@ -11,12 +11,12 @@ pub const FLOAT_MAX: f32 = 1e12;
 pub struct Changed {
     /// Number of texels with a negative value or NaN, which became 0.
     pub negative: usize,
-    /// For each row, the number of texels with a value above the limit.
+    /// Number of texels of each row that had a channel above the limit.
     pub clipped: Vec<u32>,
 }
 
 impl Changed {
-    /// Adds the counts of `other`.
+    /// Returns the sums of these numbers and those of `other`.
     #[must_use]
     pub fn with(mut self, other: Self) -> Self {
         self.negative += other.negative;
@@ -25,7 +25,7 @@ impl Changed {
     }
 }
 
-/// Replaces infinities of rows of `width` texels by [`HALF_MAX`] or its negative, and counts the texels with an infinity.
+/// Replaces each infinity in rows of `width` texels by [`HALF_MAX`] with its sign, and counts the texels with an infinity.
 pub fn limit_infinities(texels: &mut [[f32; 3]], width: usize) -> Changed {
     let mut changed = Changed { negative: 0, clipped: vec![0; texels.len().div_ceil(width.max(1))] };
     for (index, texel) in texels.iter_mut().enumerate() {
@@ -37,7 +37,7 @@ pub fn limit_infinities(texels: &mut [[f32; 3]], width: usize) -> Changed {
     changed
 }
 
-/// Limits every value of rows of `width` texels to 0..=[`HALF_MAX`] (`half`) or 0..=[`FLOAT_MAX`]; an infinity becomes [`HALF_MAX`].
+/// Limits every channel of rows of `width` texels to 0..=[`HALF_MAX`] (`half`) or 0..=[`FLOAT_MAX`]; an infinity becomes [`HALF_MAX`].
 pub fn limit(texels: &mut [[f32; 3]], width: usize, half: bool) -> Changed {
     let most = if half { HALF_MAX } else { FLOAT_MAX };
     let mut changed = Changed { negative: 0, clipped: vec![0; texels.len().div_ceil(width.max(1))] };

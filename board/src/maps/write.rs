@@ -1,10 +1,10 @@
-//! Writing of maps, with a statement of the part of the sphere that they cover.
+//! Writing of map files, with a statement of the part of the sphere that a map covers.
 
 use super::Covers;
 use exr::meta::attribute::{AttributeValue, EnvironmentMap, Text};
 use exr::prelude::{Encoding, Image, Layer, LayerAttributes, SpecificChannels, WritableImage};
 
-/// OpenEXR attribute with the value `sphere` or `hemisphere`.
+/// Name of the OpenEXR attribute for the covered part of the sphere, with the value `sphere` or `hemisphere`.
 pub const COVERS: &str = "hemilux.covers";
 
 /// Returns the line of a Radiance header that states the covered part of the sphere, with a line feed at the end.
@@ -19,7 +19,7 @@ pub fn state_coverage(picture: &mut Vec<u8>, covers: Covers) {
     picture.splice(after_signature..after_signature, radiance_line(covers).into_bytes());
 }
 
-/// Returns the OpenEXR attributes of a latitude-longitude map.
+/// Returns the OpenEXR attributes of a latitude-longitude map that covers `covers`.
 #[must_use]
 pub fn attributes(covers: Covers) -> LayerAttributes {
     let mut attributes =
@@ -32,7 +32,7 @@ pub fn attributes(covers: Covers) -> LayerAttributes {
     attributes
 }
 
-/// Encodes a map as 32-bit OpenEXR; `radiance(row, column)` is linear Rec. 709.
+/// Encodes a map as 32-bit OpenEXR; `radiance(row, column)` returns the linear Rec. 709 radiance of a texel.
 ///
 /// # Errors
 /// The error of the encoder.

@@ -5,7 +5,7 @@ use hemilux_core::lens::Model;
 use std::path::Path;
 use toml::{Table, Value};
 
-/// The program that a lens file is written for.
+/// The program for which a lens file is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Target {
     /// A `[lens]` table of hemilux.
@@ -16,19 +16,19 @@ pub enum Target {
     Ros,
 }
 
-/// The text of a converted lens file.
+/// A converted lens file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Converted {
     /// The text of the converted file.
     pub text: String,
-    /// Notes about fitted and omitted values.
+    /// Notes about values that were fitted or omitted in the conversion.
     pub notes: Vec<String>,
 }
 
-/// Reads a lens file of any kind and writes it for another program.
+/// Reads a lens file of any supported program and writes it for another program.
 ///
 /// # Errors
-/// [`RecordedError`]: a file that is not a lens file, or a lens that the other program has no model for.
+/// [`RecordedError`] for a file that is not a lens file, or a lens for which the other program has no model.
 pub fn convert(path: &Path, target: Target) -> Result<Converted, RecordedError> {
     let file = read_lens(path)?;
     let mut notes = file.notes.clone();
@@ -65,7 +65,7 @@ fn hemilux(file: &LensFile) -> String {
     all.to_string()
 }
 
-/// A lens in the parameters of OpenCV and ROS.
+/// A lens in the parameters of the YAML files of OpenCV and ROS.
 struct Yaml {
     size: [u32; 2],
     matrix: [f64; 9],
@@ -127,7 +127,7 @@ impl Yaml {
     }
 }
 
-/// Formats numbers with a decimal point or an exponent, without which OpenCV reads them as integers.
+/// Joins numbers to a list in which each has a decimal point or an exponent, without which OpenCV reads them as integers.
 fn joined(data: &[f64]) -> String {
     data.iter().map(|v| format!("{v:?}")).collect::<Vec<_>>().join(", ")
 }

@@ -9,16 +9,16 @@ use std::io::{BufRead, BufReader, Cursor, Read, Seek};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Largest number of pixels per byte of a file, beyond [`FREE_PIXELS`].
+/// Largest accepted number of pixels per byte of an image file, beyond [`FREE_PIXELS`].
 const PIXELS_PER_BYTE: u64 = 200;
 
-/// Number of pixels that are accepted for files of any length; uniform images compress without limit.
+/// Number of pixels that are accepted for image files of any length; uniform images compress without limit.
 const FREE_PIXELS: u64 = 1 << 23;
 
 /// Memory that a decoder may allocate in addition to the pixels, bytes.
 const DECODER_BYTES: u64 = 1 << 26;
 
-/// Memory that a decoder may allocate for the header, such as a compressed colour profile, bytes.
+/// Memory that a decoder may allocate for the header of an image, such as a compressed colour profile, bytes.
 const HEADER_BYTES: u64 = 1 << 24;
 
 const EXPECTED: &str = "a complete PNG, JPEG, PGM or PPM image";
@@ -26,9 +26,9 @@ const EXPECTED: &str = "a complete PNG, JPEG, PGM or PPM image";
 /// An image file whose header was read.
 pub(super) struct Opened {
     decoder: Box<dyn ImageDecoder>,
-    /// The file's bytes, if it is a JPEG image.
+    /// Bytes of the file if it is a JPEG image.
     jpeg_bytes: Option<Arc<[u8]>>,
-    /// Largest sample of a PNM image.
+    /// Largest sample of a PNM image, as its header states it.
     maxval: Option<u32>,
     orientation: image::metadata::Orientation,
     format: Format,
@@ -36,21 +36,21 @@ pub(super) struct Opened {
 }
 
 impl Opened {
-    /// Returns the columns and rows of the upright image.
+    /// Returns the columns and rows of the image after its rotation to upright.
     pub fn size(&self) -> [u32; 2] {
         let [width, height] = self.size;
         let turned = self.orientation.to_exif() >= 5;
         if turned { [height, width] } else { [width, height] }
     }
 
-    /// Returns the memory of the decoded samples, bytes.
+    /// Returns the memory of the decoded samples of the image, bytes.
     pub fn bytes(&self) -> u64 {
         let sample = if self.format == Format::Rgb48 { 2 } else { 1 };
         3 * sample * u64::from(self.size[0]) * u64::from(self.size[1])
     }
 }
 
-/// Reads the header of an image; the format follows from the contents, not from the file name.
+/// Reads the header of the image file at `path`; the format follows from the contents, not from the file name.
 pub(super) fn open(path: &Path, limits: &ReadLimits) -> Result<Opened, RecordedError> {
     let refused = |found: &dyn std::fmt::Display| RecordedError::new(path, found, EXPECTED);
     let file = File::open(path).map_err(|e| refused(&e))?;
@@ -77,7 +77,7 @@ pub(super) fn open(path: &Path, limits: &ReadLimits) -> Result<Opened, RecordedE
     Ok(Opened { decoder, jpeg_bytes, maxval, orientation, format, size: [width, height] })
 }
 
-/// Creates a decoder whose memory in addition to the pixels is limited.
+/// Creates a decoder whose memory in addition to the pixels of the image is limited.
 fn decoder(
     input: impl BufRead + Seek + 'static,
     format: Option<ImageFormat>,
@@ -106,7 +106,7 @@ fn whole_jpeg(path: &Path, mut file: BufReader<File>) -> Result<Arc<[u8]>, Recor
     Err(RecordedError::new(path, "a JPEG image that ends early", EXPECTED))
 }
 
-/// Decodes an image upright; grey is repeated in all channels, and PNM samples keep their codes.
+/// Decodes an image and rotates it to upright; grey is repeated in all channels, and PNM samples keep their codes.
 pub(super) fn read(path: &Path, opened: Opened) -> Result<Image, RecordedError> {
     let refused = |found: &dyn std::fmt::Display| RecordedError::new(path, found, EXPECTED);
     let Opened { decoder, jpeg_bytes, maxval, orientation, format, .. } = opened;
@@ -149,7 +149,7 @@ fn maxval(begin: &[u8]) -> Option<u32> {
     .filter(|maxval| (1..=0xffff).contains(maxval))
 }
 
-/// Returns the name of a format that is not supported.
+/// Returns the name of an image format that is not supported.
 fn other(begin: &[u8], kind: Option<ImageFormat>) -> String {
     let raw = [
         "a raw picture or TIFF file (develop it to a linear 16-bit PNG: no raw reader has a permissive licence)",
@@ -167,7 +167,7 @@ fn other(begin: &[u8], kind: Option<ImageFormat>) -> String {
 }
 
 impl ReadLimits {
-    /// Checks the size of one image before memory is allocated for its pixels.
+    /// Checks the size of one image, whose file has `length` bytes, before memory is allocated for its pixels.
     fn check(&self, path: &Path, [width, height]: [u32; 2], length: u64) -> Result<(), RecordedError> {
         let pixels = u64::from(width) * u64::from(height);
         let by_length = length.saturating_mul(PIXELS_PER_BYTE).max(FREE_PIXELS);
@@ -180,10 +180,10 @@ impl ReadLimits {
     }
 }
 
-/// Largest number of bytes after the rows of a raw frame.
+/// Largest accepted number of bytes after the rows of a raw frame.
 const MAX_TRAILER: u64 = 1 << 16;
 
-/// Reads one frame in the packing of the driver.
+/// Reads the file of one raw frame, in the packing of the driver.
 pub(super) fn read_raw(path: &Path, layout: Layout) -> Result<Image, RecordedError> {
     let rows = layout.frame_bytes() as u64;
     let expected = format!("{rows} bytes of a raw frame");

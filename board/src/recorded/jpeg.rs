@@ -1,7 +1,7 @@
 //! Checks that JPEG files are complete.
 
-/// Entropy-coded bits that no decoder reads as blocks: no Huffman code consists of one-bits alone. Without them, decoders assume zero-bits before
-/// a marker and fill the rest of the picture.
+/// Entropy-coded bits that no decoder reads as blocks, since no Huffman code consists of one-bits alone. If they are missing, decoders assume
+/// zero-bits before a marker and fill the rest of the picture.
 pub(crate) const SEAL: [u8; 32] = {
     let mut bits = [0xff; 32];
     let mut at = 1;
@@ -24,15 +24,15 @@ pub(super) fn is_sound(bytes: &[u8]) -> bool {
     let mut decoder = jpeg_decoder::Decoder::new(&sealed[..]);
     let decoded = decoder.read_info().and_then(|()| {
         let (width, height) = decoder.info().map_or((1, 1), |info| (info.width, info.height));
-        // The smallest scale suffices: the codes must be read, the pixels are not used.
+        // The smallest scale suffices: the codes must be read, but the pixels are not used.
         decoder.scale(width.div_ceil(8), height.div_ceil(8))?;
         decoder.decode()
     });
     matches!(decoded, Ok(_) | Err(jpeg_decoder::Error::Unsupported(_)))
 }
 
-/// Returns the position of the end marker after the first scan. Segments such as EXIF, whose thumbnails have end markers of their own, are
-/// skipped by their length.
+/// Returns the position of the end marker after the first scan of a JPEG file. Segments such as EXIF, whose thumbnails contain end markers,
+/// are skipped by their length.
 fn end(bytes: &[u8]) -> Option<usize> {
     let mut at = 2;
     let mut in_scan = false;

@@ -1,4 +1,4 @@
-//! Lens files: lens, response and levels of a camera.
+//! Lens files: the lens, the response and the levels of a camera.
 
 use super::RecordedError;
 #[cfg(feature = "foreign-lenses")]
@@ -24,7 +24,7 @@ struct LensManifest {
     lens: LensTable,
     response: Option<ResponseTable>,
     sensor: Option<SensorTable>,
-    /// The origin and accuracy of the lens, which `hemilux calibrate` writes and reads.
+    /// The origin and accuracy of the lens, which `hemilux calibrate lens` writes and reads.
     calibration: Option<Table>,
     /// The photometric calibration, which `hemilux calibrate photometric` writes.
     #[allow(dead_code, reason = "read by parse_photometric")]
@@ -40,11 +40,11 @@ fn version_one() -> i64 {
 pub struct LensFile {
     /// Lens model of the file.
     pub lens: Lens,
-    /// Columns and rows of the images.
+    /// Columns and rows of the images to which the lens applies.
     pub size: [u32; 2],
     /// Response from codes to relative exposure; linear where the file has no `[response]`.
     pub response: Response,
-    /// Black and white level, where the file states both.
+    /// Black and white level of the camera, where the file states both.
     pub levels: Option<Levels>,
     /// Noise of a sample, where the file states it.
     pub noise: Option<Noise>,
@@ -54,14 +54,14 @@ pub struct LensFile {
     pub response_table: Option<Table>,
     /// The `[calibration]` table: origin and accuracy of the lens.
     pub calibration_table: Option<Table>,
-    /// The part of the sensor that the file's pictures cover, where the file states it.
+    /// The part of the sensor that the images cover, where the file states it.
     pub shown: Option<Shown>,
-    /// Notes about the conversion of a file of another program.
+    /// Notes about the conversion of a lens file of another program.
     pub notes: Vec<String>,
 }
 
 impl LensFile {
-    /// Creates the contents of a file with `lens` for images of `size`, with a linear response and without tables.
+    /// Creates the contents of a lens file with `lens` for images of `size`, with a linear response and without tables.
     #[cfg(feature = "foreign-lenses")]
     fn of_lens(lens: Lens, size: [u32; 2]) -> Self {
         Self {
@@ -78,7 +78,7 @@ impl LensFile {
         }
     }
 
-    /// Returns the response, where the file has a `[response]` table.
+    /// Returns the response of the camera, where the lens file has a `[response]` table.
     #[must_use]
     pub fn told_response(&self) -> Option<Response> {
         self.response_table.as_ref().map(|_| self.response)
@@ -136,7 +136,7 @@ pub fn parse_lens(path: &Path, text: &str) -> Result<LensFile, RecordedError> {
     })
 }
 
-/// Returns the `[lens]` table of a lens, without its vignetting.
+/// Returns the `[lens]` table of `lens` for images of `size`, without the vignetting.
 #[must_use]
 pub fn lens_table(lens: &Lens, size: [u32; 2]) -> Table {
     let p = lens.intrinsics();

@@ -30,7 +30,7 @@ fn no_vignetting() -> Vec<f64> {
 }
 
 impl LensTable {
-    /// Returns the part of the sensor that the lens's pictures cover, where the table has it.
+    /// Returns the part of the sensor that the images of the lens cover, where the table states it.
     pub(super) fn shown(&self, path: &Path) -> Result<Option<Shown>, RecordedError> {
         let refuse = |found: String, expected: &str| Err(RecordedError::new(path, found, expected));
         let (crop, binning) = match (self.crop, self.binning, self.size) {

@@ -1,4 +1,4 @@
-//! `burst.toml` and `sequence.toml`.
+//! The files `burst.toml` and `sequence.toml` of a recording.
 
 use super::lens_table::LensTable;
 use super::sensor_table::SensorTable;
@@ -50,10 +50,10 @@ struct FormatTable {
     bytes_per_line: Option<usize>,
     range: Option<String>,
     matrix: Option<String>,
-    /// Number of quads of one colour that are binned while frames are read, along both sides.
+    /// Number of colour quads along both sides that are combined into one while raw frames are read.
     #[serde(default = "one_quad")]
     bin: u32,
-    /// True if the camera's frames were compressed.
+    /// True if the camera had compressed the recorded frames.
     #[serde(default)]
     compressed: bool,
 }
@@ -129,7 +129,7 @@ struct SequenceEntry {
     timestamp_ns: u64,
 }
 
-/// Reads a TOML file of bounded size.
+/// Reads and parses a TOML file of bounded size.
 pub(super) fn read<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T, RecordedError> {
     parse(path, &read_text(path)?)
 }
@@ -185,7 +185,7 @@ fn is_bare(name: &str) -> bool {
 }
 
 impl Manifest {
-    /// Checks versions, counts, names and numbers before any image is read.
+    /// Checks versions, counts, names and numbers of a `burst.toml` before any image is read.
     pub(super) fn check(&self, path: &Path) -> Result<(), RecordedError> {
         let refuse = |found: String, expected: &str| Err(RecordedError::new(path, found, expected));
         check_version(path, self.version)?;
@@ -216,13 +216,13 @@ impl Manifest {
         Ok(())
     }
 
-    /// Returns the timestamp of the frame with the shortest exposure, nanoseconds.
+    /// Returns the timestamp of the frame with the shortest exposure, nanoseconds; `None` where the file has none.
     pub(super) fn shortest_ns(&self) -> Option<u64> {
         let light = |frame: &FrameTable| frame.exposure_s * frame.gain;
         self.frame.iter().min_by(|a, b| light(a).total_cmp(&light(b)))?.timestamp_ns
     }
 
-    /// Returns the packing of raw frames; `None` for images.
+    /// Returns the packing of the burst's raw frames; `None` if its frames are images.
     pub(super) fn layout(&self, path: &Path) -> Result<Option<Layout>, RecordedError> {
         self.format.as_ref().map(|table| table.layout(path)).transpose()
     }
@@ -284,7 +284,7 @@ fn calibration(
     Ok(calibration)
 }
 
-/// Returns nine coefficients of a monotone curve; `None` if they are not nine ascending numbers from 0 to 1.
+/// Returns `values` as nine coefficients of a monotone curve; `None` if they are not nine ascending numbers from 0 to 1.
 fn nine_ascending(values: Option<&[f64]>) -> Option<[f64; 9]> {
     let nine = <[f64; 9]>::try_from(values?).ok()?;
     (nine.is_sorted() && nine[0] >= 0.0 && nine[8] <= 1.0).then_some(nine)
@@ -328,7 +328,7 @@ impl ResponseTable {
     }
 }
 
-/// Reads a `sequence.toml`.
+/// Reads the bursts that the `sequence.toml` at `path` lists.
 pub(super) fn read_sequence(path: &Path, folder: &Path) -> Result<Vec<BurstFolder>, RecordedError> {
     let file: SequenceFile = read(path)?;
     check_version(path, file.version)?;

@@ -33,7 +33,7 @@ pub use photometric::{
 };
 pub use shown::Shown;
 
-/// Largest `burst.toml`, `sequence.toml` or lens file, bytes.
+/// Largest accepted `burst.toml`, `sequence.toml` or lens file, bytes.
 const MAX_MANIFEST_BYTES: u64 = 1 << 20;
 
 /// An error in a recorded burst: one line with the file, the value that was found and the value that was expected.
@@ -60,17 +60,17 @@ impl RecordedError {
     }
 }
 
-/// Limits on a burst's size, checked before memory is allocated.
+/// Limits on the size of a recorded burst, which are checked before memory is allocated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReadLimits {
-    /// Largest number of pixels of one image; `None` for [`ReadLimits::MAX_PIXELS`] and a limit by the file's length.
+    /// Largest accepted number of pixels of one image; `None` for [`ReadLimits::MAX_PIXELS`] and a limit by the file's length.
     pub max_pixels: Option<u64>,
-    /// Largest memory of the samples of a burst, bytes.
+    /// Largest accepted memory of the samples of a burst, bytes.
     pub max_burst_bytes: u64,
 }
 
 impl ReadLimits {
-    /// Default of the largest number of pixels of one image: 134 million.
+    /// Default limit on the number of pixels of one image: 134 million.
     pub const MAX_PIXELS: u64 = 1 << 27;
 }
 
@@ -80,7 +80,7 @@ impl Default for ReadLimits {
     }
 }
 
-/// Reads one burst, its frames in ascending order of exposure.
+/// Reads the recorded burst in `folder`, with its frames in ascending order of exposure.
 ///
 /// # Errors
 /// [`RecordedError`] for files that are missing, truncated, of another type or contradictory.
@@ -91,15 +91,15 @@ pub fn read_burst(folder: &Path) -> Result<RecordedBurst, RecordedError> {
 /// A recorded burst with the names of its files.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedBurst {
-    /// The calibration of the camera.
+    /// The calibration of the camera that took the burst.
     pub calibration: Calibration,
-    /// The frames, in ascending order of exposure.
+    /// The burst, with its frames in ascending order of exposure.
     pub burst: Burst,
-    /// File name of each frame.
+    /// File name of each frame, in the order of the frames.
     pub files: Vec<String>,
 }
 
-/// Reads one burst within `limits`.
+/// Reads the recorded burst in `folder` within `limits`.
 ///
 /// # Errors
 /// [`RecordedError`] for files that are missing, truncated, of another type, contradictory, or above the limits.
@@ -158,7 +158,7 @@ fn read_manifest(
     })
 }
 
-/// Reads the headers of all images, checks their total memory, then decodes them one after the other.
+/// Reads the headers of all images of a burst, checks their total memory, then decodes the images one after the other.
 fn read_images(folder: &Path, files: &[PathBuf], limits: &ReadLimits) -> Result<Vec<Image>, RecordedError> {
     let mut size = None;
     let mut bytes = 0;
@@ -188,7 +188,7 @@ fn check_bytes(folder: &Path, bytes: u64, limits: &ReadLimits) -> Result<(), Rec
 struct Image {
     layout: Layout,
     pixels: Pixels,
-    /// Code of relative exposure 1, where the file states it; `None` otherwise.
+    /// Code of relative exposure 1, where the image file states it.
     white: Option<f64>,
 }
 
@@ -202,7 +202,7 @@ pub struct GreyImage {
     pub samples: Vec<u8>,
 }
 
-/// Returns the columns and rows of the upright image in a file, from its header.
+/// Returns the columns and rows of the image at `path` after its rotation to upright, from its header.
 ///
 /// # Errors
 /// [`RecordedError`] for a file that is not a complete PNG, JPEG, PGM or PPM image.
@@ -210,7 +210,7 @@ pub fn image_size(path: &Path) -> Result<[u32; 2], RecordedError> {
     Ok(images::open(path, &ReadLimits::default())?.size())
 }
 
-/// Reads a picture as grey samples of eight bits.
+/// Reads the picture at `path` as grey samples of eight bits.
 ///
 /// # Errors
 /// [`RecordedError`] for a file that is not a complete PNG, JPEG, PGM or PPM image.

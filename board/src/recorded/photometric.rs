@@ -8,7 +8,7 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// The class of a calibration without a statement of the light source.
+/// The class of light source of a calibration that states none.
 pub const ANY_CLASS: &str = "any";
 
 /// Luminance per unit of a camera's radiance, for one class of light source.
@@ -35,7 +35,7 @@ fn one() -> i64 {
     1
 }
 
-/// The `[photometric]` table of a lens file.
+/// The `[photometric]` table of a lens file, as it is stored.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Table {
@@ -48,7 +48,7 @@ struct Table {
 struct Class {
     factor: f64,
     uncertainty: f64,
-    /// The readings that `hemilux calibrate photometric` combines to the factor.
+    /// The readings that `hemilux calibrate photometric` combines to the factor of the class.
     #[allow(dead_code, reason = "checked for its type alone")]
     reading: Option<Vec<toml::Table>>,
 }
@@ -104,7 +104,7 @@ pub fn photometric_camera(path: &Path) -> Result<Option<String>, RecordedError> 
     Ok(parse::<File>(path, &text)?.photometric.map(|table| table.camera))
 }
 
-/// Returns the class that is used if none is named.
+/// Returns the name of the class that is used if none is requested.
 fn usual(classes: &BTreeMap<String, Class>) -> Option<&str> {
     let only = || classes.keys().next().filter(|_| classes.len() == 1).map(String::as_str);
     classes.contains_key(ANY_CLASS).then_some(ANY_CLASS).or_else(only)
@@ -126,7 +126,7 @@ pub fn radiometry(calibration: &Calibration) -> String {
     let balance = calibration.white_balance.map(f64::from);
     let numbers = [kind, calibration.scale].into_iter().chain(curve.iter().copied()).chain(balance);
     let numbers = numbers.chain(levels).chain(calibration.lens.intrinsics().vignetting);
-    // FNV-1a over the numbers, each with seven significant digits.
+    // The digest is FNV-1a over the numbers, each with seven significant digits.
     let bytes = numbers.flat_map(|v| format!("{v:.6e};").into_bytes());
     let digest = bytes
         .fold(0xcbf2_9ce4_8422_2325u64, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3));

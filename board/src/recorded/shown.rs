@@ -6,14 +6,14 @@ use hemilux_core::lens::{Intrinsics, Lens};
 /// The part of a sensor that pictures cover.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shown {
-    /// Left, top, width and height, in pixels of the sensor from the corner of its active area.
+    /// Left edge, top edge, width and height of the part, in pixels of the sensor from the corner of its active area.
     pub crop: [u32; 4],
-    /// Sensor pixels per pixel of the picture, horizontally and vertically.
+    /// Number of sensor pixels per pixel of the picture, horizontally and vertically.
     pub binning: [u32; 2],
 }
 
 impl Shown {
-    /// Returns the columns and rows of the pictures.
+    /// Returns the columns and rows of pictures of this part.
     #[must_use]
     pub const fn size(&self) -> [u32; 2] {
         let [x, y] = self.binning;
@@ -29,7 +29,7 @@ impl Shown {
         let (from, into) = (pair(self.binning), pair(to.binning));
         let half = DVec2::splat(0.5);
         let old = lens.intrinsics();
-        // A pixel's centre lies half a pixel from its corner.
+        // The centre of a pixel lies half a pixel from its corner.
         let on_sensor = corner(self) + (old.centre_px + half) * from;
         let centre_px = (on_sensor - corner(to)) / into - half;
         let is_shown = centre_px.cmpge(-half).all() && centre_px.cmplt(pair(to.size()) - half).all();
@@ -46,7 +46,7 @@ mod tests {
     use glam::DVec3;
     use hemilux_core::lens::Model;
 
-    /// Modes of imx219 from its driver.
+    /// Modes of the sensor imx219 from its driver.
     const FULL: Shown = Shown { crop: [0, 0, 3280, 2464], binning: [2, 2] };
     const SMALL: Shown = Shown { crop: [1000, 752, 1280, 960], binning: [2, 2] };
     const PLAIN: Shown = Shown { crop: [680, 692, 1920, 1080], binning: [1, 1] };

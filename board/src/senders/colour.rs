@@ -2,7 +2,7 @@
 
 use hemilux_core::color::luminance;
 
-/// Range of temperatures in which the approximation is valid, kelvins.
+/// Range of colour temperatures in which the approximation is valid, kelvins.
 const RANGE: std::ops::RangeInclusive<f32> = 1_500.0..=25_000.0;
 
 /// Largest distance from the Planckian locus, CIE 1960 (u, v), at which a colour has a temperature (CIE 15).

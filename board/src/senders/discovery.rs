@@ -4,10 +4,10 @@ use hemilux_core::wire::Unit;
 use serde_json::{Value, json};
 use std::time::Duration;
 
-/// Number of state intervals without a message after which a sensor is unavailable.
+/// Number of state intervals without a message after which Home Assistant shows a sensor as unavailable.
 const MISSED_STATES: u64 = 10;
 
-/// The MQTT topics of one probe.
+/// The MQTT topics to which one probe publishes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Topics {
     id: String,
@@ -22,7 +22,7 @@ impl Topics {
     }
 }
 
-/// A sensor: the member of the state message, its title, its unit, and its class in Home Assistant.
+/// A sensor of Home Assistant: its member of the state message, its title, unit and class.
 struct Sensor {
     member: &'static str,
     title: &'static str,
@@ -30,7 +30,7 @@ struct Sensor {
     class: Option<&'static str>,
 }
 
-/// Returns topics and payloads of the discovery, one message for each sensor.
+/// Returns the topics and payloads of the discovery messages, one for each sensor.
 pub(super) fn messages(topics: &Topics, unit: Unit, every: Duration) -> Vec<(String, Value)> {
     let is_lux = unit == Unit::Lux;
     let plain = |member, title, unit| Sensor { member, title, unit, class: None };

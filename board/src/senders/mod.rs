@@ -28,7 +28,7 @@ pub struct Sender {
 }
 
 impl Sender {
-    /// Runs `work` on a thread called `name`. The future must end when its channel contains true.
+    /// Runs the future that `work` makes on a thread called `name`. The future must end when its channel contains true.
     fn spawn<F: Future<Output = ()>>(
         name: &str,
         work: impl FnOnce(watch::Receiver<bool>) -> F + Send + 'static,
@@ -38,7 +38,7 @@ impl Sender {
         let thread = std::thread::Builder::new().name(name.into());
         let thread = thread.spawn(move || {
             runtime.block_on(work(stopped));
-            // A pending lookup of a host name is not waited for.
+            // The shutdown does not wait for a pending lookup of a host name.
             runtime.shutdown_background();
         })?;
         Ok(Self { stop, thread: Some(thread) })
@@ -56,7 +56,7 @@ impl Drop for Sender {
     }
 }
 
-/// Logs a peer's fault when it changes: a permanent fault causes one line.
+/// The last logged fault of a peer: a fault is logged when it changes, so that a permanent fault causes one line.
 #[derive(Debug, Default)]
 struct Changes(Option<String>);
 

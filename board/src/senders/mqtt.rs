@@ -22,19 +22,19 @@ use std::time::Duration;
 use tokio::sync::watch;
 use tokio::time::Instant;
 
-/// Largest number of messages that wait for the broker; further ones are dropped.
+/// Largest number of messages that wait for transmission to the broker; further ones are dropped.
 const QUEUE: usize = 16;
 
 /// MQTT keep-alive interval: longest time without a packet to the broker.
 const KEEP_ALIVE: Duration = Duration::from_secs(20);
 
-/// First and longest pause between two attempts to connect.
+/// First and longest pause between two attempts to connect to the broker.
 const PAUSES: [Duration; 2] = [Duration::from_secs(1), Duration::from_secs(30)];
 
-/// Longest time for the message "offline" when the sender stops.
+/// Longest time for sending the message "offline" when the sender stops.
 const FAREWELL: Duration = Duration::from_millis(300);
 
-/// Largest packets received and sent, bytes.
+/// Largest packet received and largest packet sent, bytes.
 const PACKET_BYTES: [usize; 2] = [4 << 10, 16 << 10];
 
 /// Publishes the state of the probe behind `link` to `broker` until the sender is dropped.
@@ -73,7 +73,7 @@ fn options(broker: &Broker, topics: &Topics) -> MqttOptions {
     options
 }
 
-/// Keeps the connection; `connected` has its state. Ends after a requested disconnection.
+/// Keeps the connection to the broker; `connected` contains whether there is one. Ends after a requested disconnection.
 async fn connect(mut events: EventLoop, connected: watch::Sender<bool>, name: String) {
     let mut changes = Changes::default();
     let mut pause = PAUSES[0];
@@ -107,7 +107,7 @@ fn reason(error: &ConnectionError) -> String {
     }
 }
 
-/// Publishes the discovery messages after each connection, and the state at most once per `every`.
+/// Publishes the discovery messages after each connection, and the state of the probe at most once per `every`.
 async fn publish(
     client: &AsyncClient,
     link: Arc<Link>,
@@ -128,7 +128,7 @@ async fn publish(
             announce(client, topics, units.of(&news), every);
             due = Instant::now();
         }
-        // A set that is not published is superseded by the next one.
+        // A light set that is not published is superseded by the next one.
         if Instant::now() >= due {
             due = Instant::now() + every;
             let state = state(&news, units, newest.link.durations().timings().rate_hz()).to_string();
@@ -144,10 +144,10 @@ fn announce(client: &AsyncClient, topics: &Topics, unit: Unit, every: Duration) 
     let _ = client.try_publish(&topics.availability, QoS::AtLeastOnce, true, "online");
 }
 
-/// Conversion of irradiances to illuminances.
+/// Conversion of irradiances of light sets to illuminances.
 #[derive(Clone, Copy, Debug)]
 struct Units {
-    /// Lux per relative unit, if the user states it.
+    /// Lux per relative unit of irradiance, if the user states it.
     lux: Option<f32>,
 }
 
@@ -165,7 +165,7 @@ impl Units {
     }
 }
 
-/// Returns the state message. If the source has failed, the message has a problem and the values of the last set.
+/// Returns the state message for an update. If the source has failed, the message states the problem and the values of the last set.
 fn state(news: &SetUpdate, units: Units, rate_hz: f32) -> Value {
     let (set, reason) = match news {
         SetUpdate::Fresh(set) => (Some(set), String::new()),

@@ -1,4 +1,4 @@
-//! The newest set of a selection, for a sender that waits for sets.
+//! The newest light set of a selection, for a sender that waits for sets.
 
 use crate::light_set::OwnedSet;
 use crate::probe::Link;
@@ -8,21 +8,21 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::watch;
 
-/// Time without a new set after which the last one is reported as stale.
+/// Time without a new light set after which the last one is reported as stale.
 const LONGEST_WAIT: Duration = Duration::from_millis(1500);
 
-/// An update for a sender.
+/// An update of the light sets for a sender.
 #[derive(Clone, Debug)]
 pub(super) enum SetUpdate {
-    /// A set that is newer than the last one.
+    /// A light set that is newer than the last one.
     Fresh(Arc<OwnedSet>),
-    /// The last set, and the reason why there is no newer one.
+    /// The last light set, and the reason why there is no newer one.
     Stale(Arc<OwnedSet>, Stale<String>),
-    /// There is no set yet, for the contained reason.
+    /// There is no light set yet, for the contained reason.
     None(String),
 }
 
-/// Waits for the sets of one selection.
+/// Waits for the light sets of one selection.
 #[derive(Debug)]
 pub(super) struct Newest {
     pub(super) link: Arc<Link>,
@@ -37,7 +37,7 @@ impl Newest {
         Self { link, selection, seen, frame: None }
     }
 
-    /// Returns the next set, or after 1.5 s the state of the last one. Sets that were published in between are skipped.
+    /// Returns the next light set, or after 1.5 s the state of the last one. Sets that were published in between are skipped.
     pub(super) async fn next(&mut self) -> SetUpdate {
         let until = tokio::time::Instant::now() + LONGEST_WAIT;
         loop {
@@ -55,7 +55,7 @@ impl Newest {
         }
     }
 
-    /// Returns the newest set of the selection; `None` before the first one.
+    /// Returns the newest light set of the selection; `None` before the first one.
     fn now(&mut self) -> Option<Arc<OwnedSet>> {
         let own = self.seen.borrow_and_update().clone();
         match self.link.tiers().request(self.selection) {

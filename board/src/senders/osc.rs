@@ -17,29 +17,29 @@ use std::time::{Duration, Instant};
 use tokio::net::UdpSocket;
 use tokio::sync::watch;
 
-/// Largest number of lights of a target.
+/// Largest number of lights that are sent to a target.
 pub const MOST_LIGHTS: usize = 256;
 
-/// Number of lights of a target without `lights=`.
+/// Number of lights that are sent to a target without `lights=`.
 const USUAL_LIGHTS: usize = 16;
 
 /// Largest bundle, bytes, so that a bundle fits one Ethernet frame.
 const BUNDLE_BYTES: usize = 1400;
 
-/// Pause after a failed lookup of the host name, and after a failure to send.
+/// Pause after a failed lookup of a target's host name, and after a failure to send.
 const PAUSE: Duration = Duration::from_secs(2);
 
 /// Seconds from the epoch of OSC time tags, 1900, to the Unix epoch.
 const UNIX_EPOCH_S: u64 = 2_208_988_800;
 
-/// A receiver of bundles: `HOST:PORT[,lights=N][,coordinates=NAME]`.
+/// A receiver of OSC bundles: `HOST:PORT[,lights=N][,coordinates=NAME]`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Target {
     /// Host and port of the receiver.
     pub peer: String,
     /// Largest number of lights that are sent.
     pub lights: usize,
-    /// Axes of directions and harmonics.
+    /// Axes of the directions and harmonics in the messages.
     pub coordinates: Coordinates,
 }
 
@@ -120,7 +120,7 @@ async fn send(target: Target, link: Arc<Link>) {
     }
 }
 
-/// Opens a socket whose datagrams go to `peer`.
+/// Opens a UDP socket whose datagrams go to `peer`.
 async fn connected(peer: &str) -> io::Result<UdpSocket> {
     let address = tokio::net::lookup_host(peer).await?.next();
     let address = address.ok_or_else(|| io::Error::other("no address of that name"))?;
@@ -130,9 +130,8 @@ async fn connected(peer: &str) -> io::Result<UdpSocket> {
     Ok(socket)
 }
 
-/// Sends sets until sending fails; `works` is called for each set when the peer has refused no datagram for [`PAUSE`]. A datagram is dropped if
-/// the system's buffer is full: the next set replaces it.
-/// the system's buffer is full is dropped: the next set replaces it.
+/// Sends light sets until sending fails; `works` is called for each set if the peer has refused no datagram for [`PAUSE`]. A datagram for which
+/// the system's buffer has no space is dropped: the next set replaces it.
 async fn send_sets(
     socket: &UdpSocket,
     newest: &mut Newest,
@@ -161,7 +160,7 @@ async fn send_sets(
     }
 }
 
-/// Encodes sets; a light keeps the number in its OSC address.
+/// Encodes light sets as bundles; a light keeps the number in its OSC address from set to set.
 struct Bundles {
     slots: Slots,
     coordinates: Coordinates,
@@ -172,7 +171,7 @@ impl Bundles {
         Self { slots: Slots::new(target.lights), coordinates: target.coordinates }
     }
 
-    /// Returns the set as bundles with one time tag, each at most [`BUNDLE_BYTES`] long.
+    /// Returns a light set as bundles with one time tag, each at most [`BUNDLE_BYTES`] long.
     fn of(&mut self, set: &OwnedSet, run: &str, stale: Option<&Stale<String>>) -> Vec<Vec<u8>> {
         let mut messages = summary(set, run, stale);
         if let Some(rows) = &set.ambient_sh {
@@ -185,7 +184,7 @@ impl Bundles {
     }
 }
 
-/// Returns the messages with the sums and the identity of the set.
+/// Returns the messages with the sums and the identity of a light set.
 fn summary(set: &OwnedSet, run: &str, stale: Option<&Stale<String>>) -> Vec<OscMessage> {
     let reason = stale.map_or("", |s| s.reason.as_str());
     let frame = i32::try_from(set.frame & 0x7fff_ffff).unwrap_or_default();
@@ -287,7 +286,7 @@ mod tests {
         assert_eq!(time_tag(1500), OscTime { seconds: 2_208_988_801, fractional: 1 << 31 });
     }
 
-    /// Returns all messages of the bundles; asserts that each bundle has the time tag and fits an Ethernet frame.
+    /// Returns the messages in all bundles; asserts that each bundle has the time tag `tag` and fits an Ethernet frame.
     fn messages(bundles: &[Vec<u8>], tag: OscTime) -> Vec<OscMessage> {
         let mut found = Vec::new();
         for bytes in bundles {

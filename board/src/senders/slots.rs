@@ -3,7 +3,7 @@
 use hemilux_core::color::luminance;
 use hemilux_core::light::Light;
 
-/// Id of the light in each slot; 0 for a free slot.
+/// Id of the light in each slot; 0 in a free slot.
 #[derive(Clone, Debug)]
 pub(super) struct Slots(Vec<u32>);
 
@@ -12,7 +12,7 @@ impl Slots {
         Self(vec![0; count])
     }
 
-    /// Assigns the brightest of `lights` to the slots and returns the light of each slot, `None` for a free one.
+    /// Assigns the brightest of `lights` to the slots and returns the light of each slot; `None` for a free slot.
     pub(super) fn place<'a>(&mut self, lights: &'a [Light]) -> Vec<Option<&'a Light>> {
         let mut shown: Vec<_> = lights.iter().collect();
         shown.sort_by(|a, b| luminance(b.irradiance).total_cmp(&luminance(a.irradiance)));

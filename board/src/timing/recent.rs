@@ -1,20 +1,20 @@
-//! Durations over the last 30 to 60 seconds: the sum of two histograms, each filled for 30 seconds.
+//! Durations of the stages over the last 30 to 60 seconds: the sum of two histograms, each filled for 30 seconds.
 
 use super::{DIGITS, LONGEST_US};
 use hdrhistogram::Histogram;
 use std::time::{Duration, Instant};
 
-/// Time for which a histogram is filled.
+/// Time for which one of the two histograms is filled.
 const HALF: Duration = Duration::from_secs(30);
 
-/// Percentiles over the last 30 to 60 seconds.
+/// Percentiles of a stage's durations over the last 30 to 60 seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Percentiles {
-    /// Median of the durations, microseconds.
+    /// Median of the stage's durations, microseconds.
     pub p50: u32,
-    /// 95th percentile of the durations, microseconds.
+    /// 95th percentile of the stage's durations, microseconds.
     pub p95: u32,
-    /// 99th percentile of the durations, microseconds.
+    /// 99th percentile of the stage's durations, microseconds.
     pub p99: u32,
 }
 
@@ -37,7 +37,7 @@ impl Recent {
         }
     }
 
-    /// Clears the older histogram and fills it from now on.
+    /// Clears the older of the two histograms and fills it from now on.
     pub fn turn(&mut self) {
         if let Some(halves) = &mut self.halves {
             halves.swap(0, 1);
@@ -56,7 +56,7 @@ impl Recent {
     }
 }
 
-/// The time at which the filling of the present histogram began.
+/// The time at which the filling of the present histogram began, for all stages.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Halves {
     began: Option<Instant>,

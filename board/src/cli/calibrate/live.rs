@@ -7,13 +7,13 @@ use crate::source::{self, SourceError, Spec};
 use std::io::Write;
 use std::time::{Duration, Instant};
 
-/// Number of pictures that suffices once the field of view is covered.
+/// Number of pictures after which no more are taken if the field of view is covered.
 const ENOUGH: usize = 12;
 
-/// Longest time without a burst, after which the command fails.
+/// Longest time without a burst of the source, after which the command fails.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// Takes pictures until the view is covered, `most` are taken or the time has passed, and computes the lens.
+/// Takes pictures from the source until the field of view is covered, `most` are taken or the time has passed, and computes the lens.
 pub(super) fn live(
     spec: &Spec,
     request: Request,
@@ -53,7 +53,7 @@ fn advice(guide: &Guide, offer: Offer, lacking: Option<String>) -> String {
     }
 }
 
-/// Writes a line to stderr if it differs from the last one.
+/// Writes `line` to stderr if it differs from `told`, the line that was written last.
 fn tell(told: &mut String, line: String) {
     if *told != line {
         let _ = writeln!(std::io::stderr(), "hemilux: {line}");

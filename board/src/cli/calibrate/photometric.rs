@@ -68,7 +68,7 @@ enum Lies {
     Dark,
 }
 
-/// Corners of a patch, pixels.
+/// Corners of a patch of known reflectance in the image, pixels.
 #[derive(Clone, Debug)]
 struct Outline(Vec<DVec2>);
 
@@ -117,7 +117,7 @@ impl PhotometricOptions {
         }
     }
 
-    /// Returns the relative standard deviation that is common to all readings with this meter and patch: half of the error limit.
+    /// Returns the relative standard deviation that is common to all readings with the same luxmeter and patch: half of the error limit.
     fn shared(&self) -> f64 {
         let patch = if self.patch.is_some() { self.reflectance_percent } else { 0.0 };
         self.meter_percent.hypot(patch) / 200.0
@@ -175,7 +175,7 @@ fn compare(options: &PhotometricOptions, reading: &FactorReading) -> Result<(), 
             options.class
         )));
     };
-    // `kept` is the probe's factor, `reading` that of the meter.
+    // `kept` is the photometric factor that the probe uses, `reading` the one by the luxmeter.
     let off = kept.factor / reading.factor - 1.0;
     let verdict = Verdict::of(off);
     let line = format!("the probe differs by {:+.1} % from the reading: {}", 100.0 * off, verdict.name());

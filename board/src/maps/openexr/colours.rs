@@ -1,11 +1,11 @@
-//! The primaries of a file, from the attribute `chromaticities` or from the name of a colour space.
+//! The primaries of an OpenEXR file, from the attribute `chromaticities` or from the name of a colour space.
 
 use super::super::primaries::{Primaries, REC_709};
 use super::attribute;
 use exr::meta::attribute::AttributeValue;
 use exr::meta::header::Header;
 
-/// Primaries, and the attribute that states them.
+/// Primaries, and the name of the attribute that states them.
 pub(super) struct Space {
     pub primaries: Primaries,
     pub stated_by: String,
@@ -45,7 +45,7 @@ const NAMES: [(&str, Primaries); 21] = [
     ("linear p3-d65", P3_D65),
 ];
 
-/// Returns the colour space that the header states; an unknown name adds a note.
+/// Returns the colour space that the OpenEXR header states; for an unknown name, a note is added to `notes`.
 pub(super) fn of(header: &Header, notes: &mut Vec<String>) -> Option<Space> {
     if let Some(c) = header.shared_attributes.chromaticities {
         let primaries = Primaries([c.red, c.green, c.blue, c.white].map(|v| [v.x().into(), v.y().into()]));

@@ -3,7 +3,7 @@
 use super::super::Refusal;
 use exr::meta::header::Header;
 
-/// Largest number of names that an error lists.
+/// Largest number of layer names that an error message lists.
 const MAX_NAMES: usize = 12;
 
 /// A colour layer: three channels of one part with a common prefix, or one channel that is used for all three.
@@ -11,19 +11,19 @@ const MAX_NAMES: usize = 12;
 pub(super) struct Layer {
     /// Index of the part that contains the layer.
     pub part: usize,
-    /// Name of the part and of the layer within it; empty for unprefixed channels of a part without a name.
+    /// Name of the part, and of the layer within the part; empty for channels without a prefix in a part without a name.
     pub name: String,
-    /// Indices of the red, green and blue channel.
+    /// Indices of the channels for red, green and blue in the part.
     pub channels: [usize; 3],
-    /// True for a layer of luminance alone.
+    /// True for a layer with a luminance channel alone.
     is_grey: bool,
-    /// True if the channels have no prefix.
+    /// True if the channels of the layer have no prefix.
     is_root: bool,
     /// True if the file has other colour layers.
     pub is_one_of_several: bool,
 }
 
-/// Returns the layer called `name`; without a name, the only layer or the one without a name.
+/// Returns the colour layer called `name`; without a name, the only layer or the one without a name.
 pub(super) fn choose(headers: &[Header], name: Option<&str>) -> Result<Layer, Refusal> {
     let all: Vec<Layer> = headers.iter().enumerate().flat_map(|(part, h)| of_part(part, h)).collect();
     let has_colour = all.iter().any(|l| !l.is_grey);
@@ -66,7 +66,7 @@ fn listed(names: impl Iterator<Item = String>) -> String {
     if more > 0 { format!("{list} and {more} more") } else { list }
 }
 
-/// Returns the reason why a file has no colour layer.
+/// Returns the refusal of a file without a colour layer.
 fn no_colour(headers: &[Header]) -> Refusal {
     let channels = headers.iter().flat_map(|h| h.channels.list.iter().map(|c| c.name.to_string()));
     let deep = if headers.iter().any(|h| h.deep) { "deep data, " } else { "" };
@@ -76,7 +76,7 @@ fn no_colour(headers: &[Header]) -> Refusal {
     )
 }
 
-/// Returns the colour layers of one part.
+/// Returns the colour layers of the part with the index `part`.
 fn of_part(part: usize, header: &Header) -> Vec<Layer> {
     if header.deep {
         return Vec::new();
@@ -110,7 +110,7 @@ fn of_part(part: usize, header: &Header) -> Vec<Layer> {
     prefixes.into_iter().filter_map(layer).collect()
 }
 
-/// Splits a full channel name into layer and channel.
+/// Splits the full name of a channel into the names of layer and channel.
 fn split(name: &str) -> (&str, &str) {
     name.rsplit_once('.').unwrap_or(("", name))
 }

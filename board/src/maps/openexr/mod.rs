@@ -1,4 +1,4 @@
-//! OpenEXR files: scan lines and tiles, one part or several, flat images.
+//! OpenEXR files: scan lines and tiles, single-part and multi-part, flat images.
 
 mod colours;
 mod layers;
@@ -61,8 +61,9 @@ fn data_window(header: &Header) -> IntegerBounds {
     IntegerBounds { position: header.own_attributes.layer_position, size: header.layer_size }
 }
 
-/// Returns the window of the map. In environment maps with the attribute `envmap`, it is the data window (OpenEXR, "Environment Maps"); in
-/// others, it is the display window, in which missing texels are black and outside of which texels are dropped.
+/// Returns the window of the file that contains the map. In environment maps with the attribute `envmap`, it is the data window (OpenEXR,
+/// "Environment Maps"); in other files, it is the display window, in which missing texels are black and outside of which texels are
+/// dropped.
 fn map_window(header: &Header, options: &ReadOptions) -> Result<IntegerBounds, Refusal> {
     let (data, display) = (data_window(header), header.shared_attributes.display_window);
     let is_environment = options.projection.is_none() && header.own_attributes.environment_map.is_some();
@@ -82,7 +83,7 @@ fn map_window(header: &Header, options: &ReadOptions) -> Result<IntegerBounds, R
     Err(Refusal::new(found, "windows that overlap"))
 }
 
-/// Checks the memory of one block before the first block is decompressed.
+/// Checks the memory of one compressed block before the first block is decompressed.
 fn check_blocks(header: &Header, budget: &Budget) -> Result<(), Refusal> {
     budget.check(header.layer_size.x() as u64, header.layer_size.y() as u64)?;
     let block = header.max_block_byte_size() as u64;
@@ -137,13 +138,13 @@ fn check_orientation(header: &Header) -> Result<(), Refusal> {
     }
 }
 
-/// Returns the attribute called `name` of the part or of the file.
+/// Returns the attribute called `name` of the part or, if the part has none, of the file.
 fn attribute<'a>(header: &'a Header, name: &str) -> Option<&'a AttributeValue> {
     let name = Text::new_or_none(name)?;
     header.own_attributes.other.get(&name).or_else(|| header.shared_attributes.other.get(&name))
 }
 
-/// Returns the value of the attribute [`COVERS`].
+/// Returns the part of the sphere that the attribute [`COVERS`] states.
 fn covers(header: &Header) -> Result<Option<Covers>, Refusal> {
     let Some(value) = attribute(header, COVERS) else { return Ok(None) };
     let covers = match value {

@@ -1,4 +1,4 @@
-//! Decompression of the blocks of one part into a window.
+//! Decompression of the blocks of one part of an OpenEXR file into a window.
 
 use super::super::{Raster, Refusal};
 use super::EXPECTED;
@@ -11,7 +11,7 @@ use exr::prelude::f16;
 use std::collections::HashSet;
 use std::io::{BufRead, Seek};
 
-/// Decodes the full-resolution blocks of the layer's part; texels outside of `window` are dropped.
+/// Decodes the full-resolution blocks of the part with the layer; texels outside of `window` are dropped.
 pub(super) fn decode(
     reader: Reader<impl BufRead + Seek>,
     header: &Header,
@@ -82,7 +82,7 @@ impl WindowOffset {
     }
 }
 
-/// Stores samples from column `left` in component `k` of a row; samples outside of the row are dropped.
+/// Stores samples in component `k` of the texels of a row, from column `left` on; samples outside of the row are dropped.
 fn samples_into(bytes: &[u8], kind: SampleType, left: i64, row: &mut [[f32; 3]], k: usize) {
     let skipped = usize::try_from(-left).unwrap_or(0);
     let first = usize::try_from(left).unwrap_or(0);

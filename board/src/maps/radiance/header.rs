@@ -4,42 +4,42 @@ use super::super::{Covers, Refusal};
 use super::scanlines::{Axis, Resolution};
 use std::io::{BufRead, Read};
 
-/// Longest line of a header, bytes.
+/// Longest accepted line of a header, bytes.
 const MAX_LINE: u64 = 4096;
 
-/// Largest number of lines of a header.
+/// Largest accepted number of lines of a header.
 const MAX_LINES: usize = 4096;
 
 const EXPECTED: &str =
     "a Radiance HDR picture: #?RADIANCE, header lines, an empty line, -Y rows +X columns, scanlines";
 
-/// The values of a header that change radiance or direction.
+/// The values of a Radiance header that change radiance or direction.
 #[derive(Debug)]
 pub(super) struct Header {
-    /// Product of all EXPOSURE lines.
+    /// Product of the values of all EXPOSURE lines.
     exposure: f64,
-    /// Products of all COLORCORR lines.
+    /// Products of the values of all COLORCORR lines, for red, green and blue.
     correction: [f64; 3],
-    /// True if texels are CIE XYZ, false for RGB.
+    /// True if texels are CIE XYZ, false if they are RGB.
     pub is_xyz: bool,
-    /// CIE (x, y) of red, green, blue and white.
+    /// CIE (x, y) of the red, green and blue primaries and of white; `None` where the header states none.
     pub primaries: Option<[[f64; 2]; 4]>,
-    /// Value of a VIEW line that states another projection than latitude-longitude.
+    /// Value of a VIEW line that states another projection than latitude-longitude; `None` without such a line.
     pub view: Option<String>,
     pub covers: Option<Covers>,
     pub resolution: Resolution,
 }
 
 impl Header {
-    /// Returns the factors from stored values to radiance.
+    /// Returns the factors from stored values to radiance, for red, green and blue.
     pub fn factors(&self) -> [f32; 3] {
         self.correction.map(|c| (1.0 / (self.exposure * c)) as f32)
     }
 }
 
-/// Reads the header, up to the first scanline.
+/// Reads the header of a Radiance picture, up to the first scanline.
 pub(super) fn read(reader: &mut impl BufRead) -> Result<Header, Refusal> {
-    // The signature is the name of the writing program: files with RADIANCE, RGBE and other names have the same format.
+    // The first line is the name of the writing program: files with RADIANCE, RGBE and other names have the same format.
     line(reader)?;
     let mut header = Header {
         exposure: 1.0,
@@ -62,7 +62,7 @@ pub(super) fn read(reader: &mut impl BufRead) -> Result<Header, Refusal> {
 }
 
 impl Header {
-    /// Applies one line; lines that begin with white space are the history of the picture and are ignored.
+    /// Applies one line of the header; lines that begin with white space are the history of the picture and are ignored.
     fn apply(&mut self, text: &str) -> Result<(), Refusal> {
         let Some((name, value)) = text.split_once('=') else { return Ok(()) };
         match name {
@@ -81,7 +81,7 @@ impl Header {
                 let [a, b, c, d, e, f, g, h] = numbers(text, value)?;
                 self.primaries = Some([[a, b], [c, d], [e, f], [g, h]]);
             }
-            // GAMMA is not defined by Radiance, but other programs write it: stored values are radiance to the power of its inverse.
+            // GAMMA is not defined by Radiance, but other programs write it: the stored values are radiance to the power of 1/GAMMA.
             "GAMMA" => {
                 let [gamma]: [f64; 1] = numbers(text, value)?;
                 if gamma != 1.0 {
@@ -112,7 +112,7 @@ impl Header {
     }
 }
 
-/// Returns true if a VIEW line states a type, a direction or an angle; a position alone has no effect on directions.
+/// Returns true if the value of a VIEW line states a type, a direction or an angle; a position alone has no effect on directions.
 fn is_projection(value: &str) -> bool {
     let flags = value.split_whitespace().filter_map(|word| word.strip_prefix("-v"));
     flags
@@ -120,7 +120,7 @@ fn is_projection(value: &str) -> bool {
         .any(|flag| matches!(flag.bytes().next(), Some(b't' | b'd' | b'u' | b'h' | b'v' | b's' | b'l')))
 }
 
-/// Multiplies factors; a factor of zero, by which programs mark an unknown value, is ignored.
+/// Returns `all` times `one`; a factor `one` of zero, by which programs mark an unknown value, is ignored.
 fn product(all: f64, one: f64, text: &str) -> Result<f64, Refusal> {
     let product = if one == 0.0 { all } else { all * one };
     let usable = one >= 0.0 && (1e-30..1e30).contains(&product);
@@ -137,7 +137,7 @@ fn numbers<const N: usize>(text: &str, value: &str) -> Result<[f64; N], Refusal>
     numbers.ok_or_else(|| Refusal::new(text, format!("{N} numbers")))
 }
 
-/// Reads one line without its end, LF or CR LF.
+/// Reads one line of the header without its end, LF or CR LF.
 fn line(reader: &mut impl BufRead) -> Result<String, Refusal> {
     let mut bytes = Vec::new();
     let read = reader.by_ref().take(MAX_LINE).read_until(b'\n', &mut bytes);
@@ -149,7 +149,7 @@ fn line(reader: &mut impl BufRead) -> Result<String, Refusal> {
     Ok(String::from_utf8_lossy(&bytes).into_owned())
 }
 
-/// Parses a line such as `-Y 256 +X 512`.
+/// Parses the resolution line of a picture, such as `-Y 256 +X 512`.
 fn resolution(text: &str) -> Result<Resolution, Refusal> {
     let refused = || Refusal::new(format!("the resolution line {text:?}"), "a line such as -Y 256 +X 512");
     let words: Vec<&str> = text.split_whitespace().collect();

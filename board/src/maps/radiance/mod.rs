@@ -33,7 +33,7 @@ pub(super) fn read(
     Ok(DecodedFile { raster, stated })
 }
 
-/// Applies EXPOSURE, COLORCORR, FORMAT and PRIMARIES.
+/// Applies the EXPOSURE, COLORCORR, FORMAT and PRIMARIES lines of the header to the texels.
 fn convert(header: &Header, raster: &mut Raster, stated: &mut Stated) -> Result<(), Refusal> {
     let factors = header.factors();
     if factors != [1.0; 3] {

@@ -4,17 +4,17 @@ use super::super::limit::Budget;
 use super::super::{Raster, Refusal};
 use std::io::{BufRead, ErrorKind};
 
-/// Lengths of scanlines that may be encoded by component.
+/// Lengths in texels of scanlines that may be encoded by component.
 const BY_COMPONENT: std::ops::RangeInclusive<usize> = 8..=0x7fff;
 
 /// Mantissas of red, green and blue, and their common exponent.
 type Rgbe = [u8; 4];
 
-/// One axis of a picture, in the order of storage.
+/// One axis of a Radiance picture, in the order of storage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Axis {
     pub is_x: bool,
-    /// True if X increases to the right, or Y upwards.
+    /// True if X increases to the right, or Y upwards, along the axis.
     pub is_positive: bool,
     pub count: u32,
 }
@@ -23,7 +23,7 @@ impl Axis {
     pub const DOWN: Self = Self { is_x: false, is_positive: false, count: 0 };
     pub const RIGHT: Self = Self { is_x: true, is_positive: true, count: 0 };
 
-    /// Returns the column or row of the stored position `k`.
+    /// Returns the column or row of the picture at the stored position `k`.
     fn place(self, k: usize) -> usize {
         if self.is_x == self.is_positive { k } else { self.count as usize - 1 - k }
     }
@@ -37,8 +37,8 @@ pub(super) struct Resolution {
 }
 
 impl Resolution {
-    /// Decodes all scanlines. Scanlines that are columns are decoded as rows, and the raster is transposed at the end, so that memory is used
-    /// for decoded scanlines alone.
+    /// Decodes all scanlines of a picture. Scanlines that are columns are decoded as rows, and the raster is transposed at the end, so that
+    /// memory is used for decoded scanlines alone.
     pub fn decode(&self, reader: &mut impl BufRead, budget: &Budget) -> Result<Raster, Refusal> {
         let mut raster = budget.raster(self.minor.count.into(), self.major.count.into())?;
         let mut line = Vec::new();
@@ -54,7 +54,7 @@ impl Resolution {
     }
 }
 
-/// Returns the raster with rows and columns exchanged.
+/// Returns `from` with rows and columns exchanged.
 fn transposed(from: &Raster, budget: &Budget) -> Result<Raster, Refusal> {
     let mut to = budget.raster(from.height as u64, from.width as u64)?;
     for y in 0..to.height {
@@ -64,7 +64,7 @@ fn transposed(from: &Raster, budget: &Budget) -> Result<Raster, Refusal> {
     Ok(to)
 }
 
-/// Returns the mantissas times 2^(exponent - 136).
+/// Returns the radiance of a stored texel: mantissas times 2^(exponent - 136).
 fn radiance([r, g, b, e]: Rgbe) -> [f32; 3] {
     // The factor is 2^119 for e = 255 and 2^-135 for e = 1: it is computed as a product of two powers that f32 can represent.
     let half = |n: i32| f32::from_bits(((127 + n) as u32) << 23);
@@ -90,7 +90,7 @@ fn decode_line(reader: &mut impl BufRead, length: usize, line: &mut Vec<Rgbe>) -
     (0..4).try_for_each(|component| decode_component(reader, component, line))
 }
 
-/// Decodes one component of a scanline: runs (128 + length, value) and literals (length, values).
+/// Decodes one component of a scanline, which consists of runs (128 + length, value) and literals (length, values).
 fn decode_component(reader: &mut impl BufRead, component: usize, line: &mut [Rgbe]) -> Result<(), String> {
     let mut at = 0;
     while at < line.len() {
@@ -105,7 +105,8 @@ fn decode_component(reader: &mut impl BufRead, component: usize, line: &mut [Rgb
     Ok(())
 }
 
-/// Decodes texels one by one; (1, 1, 1, n) repeats the texel before it n times, and successive repeats are digits of base 256.
+/// Decodes the texels of a scanline one by one; (1, 1, 1, n) repeats the preceding texel n times, and successive repeats are digits of base
+/// 256.
 fn decode_flat(
     reader: &mut impl BufRead,
     length: usize,

@@ -27,7 +27,7 @@ fn radiance(header: &str, body: &[u8]) -> Vec<u8> {
     [format!("#?RADIANCE\n{header}").as_bytes(), body].concat()
 }
 
-/// Returns flat texels of a 4 x 2 map: texel k has the mantissas (k + 1, 0, 0) and exponent 128 (a factor of 1/256).
+/// Returns the texels of a 4 x 2 map in flat encoding: texel k has the mantissas (k + 1, 0, 0) and exponent 128 (a factor of 1/256).
 fn flat() -> Vec<u8> {
     (0..8u8).flat_map(|k| [k + 1, 0, 0, 128]).collect()
 }
@@ -54,8 +54,8 @@ fn pfm_rows_run_upwards_in_either_byte_order() {
     }
     let grey = [&b"Pf\n2 1\n-1\n"[..], &floats(&[7.0, 8.0], true)].concat();
     assert_eq!(decode(&grey).expect("a map").texels, [[7.0; 3], [8.0; 3]], "grey");
-    // Lines may end with two bytes, and blanks may follow the scale: the samples are the last bytes of the file, even if their bytes are
-    // blanks.
+    // Header lines may end with two bytes, and blanks may follow the scale: the samples are the last bytes of the file, even if those bytes
+    // are blanks.
     for end in ["\r\n", " \n"] {
         let bytes = [format!("PF{end}1 2{end}-1.0{end}").as_bytes(), &floats(&colour, true)].concat();
         assert_eq!(decode(&bytes).expect("a map").texels, [[3.0, 4.0, 5.0], [0.0, 1.0, 2.0]], "{end:?}");

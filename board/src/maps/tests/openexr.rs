@@ -85,7 +85,8 @@ fn openexr_chromaticities_become_rec_709() {
     let map = decode(&written(&image)).expect("a map");
     assert_close(map.texels[0], [0.6, 0.3, 0.1]);
     assert!(map.notes.iter().any(|n| n.contains("whiteLuminance 100")), "{:?}", map.notes);
-    // White of ACES AP0 is (0.95265, 1, 1.00883) in XYZ; the expected values are its Rec. 709 values without adaptation, by the sRGB matrix.
+    // The white of ACES AP0 is (0.95265, 1, 1.00883) in XYZ; the expected texels are its Rec. 709 colour without adaptation, by the sRGB
+    // matrix.
     let mut image = uniform(&[("R", 1.0), ("G", 1.0), ("B", 1.0)], (4, 2), LayerAttributes::default());
     image.attributes.chromaticities = Some(AP0);
     assert_close(decode(&written(&image)).expect("a map").texels[0], [1.04696, 0.99465, 0.91539]);
@@ -114,7 +115,7 @@ fn aces(first: [f32; 3]) -> DecodedMap {
 
 #[test]
 fn half_floats_of_other_primaries_are_limited_before_they_are_converted() {
-    // Rec. 709 (90000, 30000, 10000), whose components in AP0 are half floats.
+    // The texel is Rec. 709 (90000, 30000, 10000), whose components in AP0 are half floats.
     let map = aces([52119.0, 33573.0, 14691.0]);
     for (found, expected) in map.texels[0].into_iter().zip([90_000.0, 30_000.0, 10_000.0]) {
         assert!((found / expected - 1.0).abs() < 2e-3, "{:?}", map.texels[0]);
@@ -155,7 +156,7 @@ fn openexr_blocks_that_are_missing_are_refused() {
     let mut bytes = Cursor::new(Vec::new());
     Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).expect("a file");
     let bytes = bytes.into_inner();
-    // The first offset of the table is the position of the table's own end.
+    // The first offset in the offset table is the position of the table's own end.
     let u64_at = |at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().expect("eight bytes"));
     let table = (0..bytes.len() - 8).find(|at| u64_at(*at) == (at + 8 * ROWS) as u64).expect("a table");
     assert!(decode(&bytes).is_ok(), "all blocks");

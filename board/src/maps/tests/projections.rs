@@ -1,8 +1,8 @@
-//! Directions, solid angles and flux of maps in each projection.
+//! Tests of the directions, solid angles and flux of maps in each projection.
 
 use super::*;
 
-/// Returns the flux over the sphere and the flux-weighted direction.
+/// Returns the flux of a map over the sphere, and the sum of its directions weighted by flux.
 fn flux(map: &DecodedMap) -> (f64, [f64; 3]) {
     let edge = |i: usize| (i as f64 * PI / map.height as f64).cos();
     let (mut sum, mut moment) = (0.0, [0.0; 3]);
@@ -55,18 +55,18 @@ fn texels_of_cube_maps_have_the_solid_angles_of_their_definitions() {
 
 #[test]
 fn projections_place_lamps_by_their_definitions() {
-    // The lamp is 45 degrees to the left of forward; its texel follows by hand from each definition.
+    // The lamp is 45 degrees to the left of forward; the texel with the lamp follows by hand from the definition of each projection.
     let left = [0.5f64.sqrt(), 0.5f64.sqrt(), 0.0];
     let up = [0.0, 0.0, 1.0];
     let lamp = |at: (usize, usize)| move |x: usize, y: usize| f32::from(u8::from((x, y) == at)) * 100.0;
     let cases = [
-        // Angular: radius 45 / 180 of 64 texels left of the centre; the zenith at radius 1/2.
+        // Angular map: radius 45 / 180 of 64 texels left of the centre; the zenith at radius 1/2.
         (Projection::Angular, (128, 128), (47, 63), left),
         (Projection::Angular, (128, 128), (63, 32), up),
-        // Ball: radius sin(22.5 degrees) of 64 texels, on the right as reflections are; the zenith at sin(45 degrees).
+        // Mirror ball: radius sin(22.5 degrees) of 64 texels, on the right as reflections are; the zenith at sin(45 degrees).
         (Projection::MirrorBall, (128, 128), (88, 63), left),
         (Projection::MirrorBall, (128, 128), (63, 18), up),
-        // Crosses: the edge between the left and the front face; the middle of the top face.
+        // Crosses: the edge between the left and the front face; the middle of the top face for the zenith.
         (Projection::Cube, (96, 128), (32, 47), left),
         (Projection::Cube, (128, 96), (32, 47), left),
         (Projection::Cube, (96, 128), (47, 15), up),

@@ -1,4 +1,4 @@
-//! Radiance HDR files: header fields, encodings and refusals.
+//! Tests of Radiance HDR files: header fields, encodings and refusals.
 
 use super::*;
 

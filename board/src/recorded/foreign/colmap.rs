@@ -6,7 +6,7 @@ use super::{Refusal, refuse};
 const MODELS: &str = "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, OPENCV_FISHEYE, FOV, SIMPLE_RADIAL_FISHEYE or \
                       RADIAL_FISHEYE";
 
-/// Returns the fields of each camera, without comments.
+/// Returns the fields of each line that describes a camera; comments are left out.
 fn cameras(text: &str) -> impl Iterator<Item = Vec<&str>> {
     let lines = text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'));
     lines.map(|line| line.split_whitespace().collect())

@@ -1,4 +1,4 @@
-//! Converts a camera model to a lens: exactly where the core has the model, else by a least-squares fit.
+//! Conversion of a camera model of another program to a lens: exactly where the core has the model, else by a least-squares fit.
 
 use super::model::{ForeignCamera, Model};
 use super::{MAX_ANGLE_DEG, Refusal, refuse};
@@ -6,13 +6,13 @@ use glam::{DVec2, DVec3};
 use hemilux_core::lens::{self, Intrinsics, Lens, LensError};
 use std::f64::consts::TAU;
 
-/// Number of steps of the angle off axis over the field of view.
+/// Number of steps of the angle off axis over the field of view at which models are compared.
 const STEPS: usize = 360;
 
-/// Number of azimuths at each angle off axis.
+/// Number of azimuths at each angle off axis at which models are compared.
 const AZIMUTHS: usize = 24;
 
-/// A lens, and its deviation from the file's model.
+/// A lens, and its deviation from the camera model of the file.
 pub(super) struct Fitted {
     pub lens: Lens,
     /// Largest angle between the directions of lens and model, degrees; `None` for a model that the core has.
@@ -47,7 +47,7 @@ fn intrinsics(camera: &ForeignCamera, model: lens::Model, scale: f64, max_theta:
     }
 }
 
-/// Returns the lens with the largest field of view up to `max_theta` over which its radial law increases.
+/// Returns the lens of `p` with the largest field of view, up to `max_theta`, over which the radial law increases.
 fn largest(mut p: Intrinsics) -> Result<Lens, Refusal> {
     for _ in 0..2 {
         match Lens::try_new(p) {
@@ -69,7 +69,7 @@ fn azimuths() -> impl Iterator<Item = f64> {
     (0..AZIMUTHS).map(|j| j as f64 * TAU / AZIMUTHS as f64)
 }
 
-/// Returns the largest angle off axis that the image contains and the model projects, up to [`MAX_ANGLE_DEG`], radians.
+/// Returns the largest angle off axis that the image contains and the model can project, up to [`MAX_ANGLE_DEG`], radians.
 fn field_of_view(camera: &ForeignCamera) -> Result<f64, Refusal> {
     let sound = camera.focal.iter().all(|f| *f > 0.0 && f.is_finite()) && camera.size.iter().all(|s| *s > 0);
     if !sound || !camera.centre.iter().all(|c| c.is_finite()) {
@@ -95,7 +95,7 @@ struct Polynomial {
     k: [f64; 4],
 }
 
-/// Fits five odd powers of the angle to the mean radius over all azimuths by least squares.
+/// Fits five odd powers of the angle off axis to the mean radius over all azimuths by least squares.
 fn polynomial(camera: &ForeignCamera, max_theta: f64) -> Result<Polynomial, Refusal> {
     let mut normal = [[0.0f64; 6]; 5];
     for i in 1..=STEPS {
@@ -119,7 +119,7 @@ fn polynomial(camera: &ForeignCamera, max_theta: f64) -> Result<Polynomial, Refu
     Ok(Polynomial { scale: c[0] / max_theta, k: [over(1), over(2), over(3), over(4)] })
 }
 
-/// Solves linear equations by Gauss-Jordan elimination with row pivots.
+/// Solves five linear equations, given with their right-hand sides, by Gauss-Jordan elimination with row pivots.
 fn solve(mut m: [[f64; 6]; 5]) -> Option<[f64; 5]> {
     for i in 0..5 {
         let pivot = (i..5).max_by(|a, b| m[*a][i].abs().total_cmp(&m[*b][i].abs()))?;
@@ -137,7 +137,7 @@ fn solve(mut m: [[f64; 6]; 5]) -> Option<[f64; 5]> {
     Some(m.map(|row| row[5]))
 }
 
-/// Returns the largest angle between a direction and the lens's direction of its pixel, radians.
+/// Returns the largest angle between a direction and the direction that `lens` assigns to the direction's pixel in `camera`, radians.
 fn deviation(camera: &ForeignCamera, lens: &Lens) -> f64 {
     let max_theta = lens.intrinsics().max_theta;
     let thetas = (0..STEPS).map(|i| i as f64 / STEPS as f64 * max_theta);

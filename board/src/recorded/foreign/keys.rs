@@ -1,4 +1,4 @@
-//! Cameras in the files of OpenCV, Kalibr and ROS, which have the same values under different names.
+//! Cameras in the lens files of OpenCV, Kalibr and ROS, which state the same values under different names.
 
 use super::model::{Distortion, ForeignCamera, Model};
 use super::tree::Node;
@@ -29,7 +29,7 @@ const COEFFICIENTS: [&str; 10] = [
     "kc",
 ];
 
-/// Returns the camera that a tree of values describes.
+/// Returns the camera that a tree of names and values describes.
 pub(super) fn camera(tree: &Node, notes: &mut Vec<String>) -> Result<ForeignCamera, Refusal> {
     if let Some(node) = kalibr(tree, notes) {
         return of_kalibr(node);
@@ -68,7 +68,7 @@ pub(super) fn camera(tree: &Node, notes: &mut Vec<String>) -> Result<ForeignCame
     Ok(ForeignCamera { model: named(name.as_deref(), &k)?, size, focal: [fx, fy], centre: [cx, cy], skew })
 }
 
-/// Refuses a ROS region of interest: the frames would cover a part of the calibrated image alone.
+/// Refuses a ROS region of interest that is not the whole image: the frames would cover a part of the calibrated image alone.
 fn check_region(tree: &Node, size: [u32; 2]) -> Result<(), Refusal> {
     let Some(region) = tree.get(&["roi"]) else { return Ok(()) };
     let number = |name: &str| region.get(&[name]).and_then(Node::number).unwrap_or(0.0);
@@ -151,7 +151,7 @@ fn size(tree: &Node) -> Result<[u32; 2], Refusal> {
     }
 }
 
-/// Returns the name of the distortion model; OpenCV's sample program marks a fisheye by a flag.
+/// Returns the name of the distortion model; files of OpenCV's sample program state a fisheye by a flag.
 fn model_name(tree: &Node) -> Option<String> {
     let is_fisheye = |name: &str| tree.get(&[name]).and_then(Node::number).map(|v| v != 0.0);
     match is_fisheye("fisheye_model").or_else(|| is_fisheye("fisheye")) {
@@ -162,8 +162,8 @@ fn model_name(tree: &Node) -> Option<String> {
     tree.get(&["distortion_model", "camera_model", "model"]).and_then(Node::text).map(str::to_lowercase)
 }
 
-/// Returns the distortion model called `name`; without a name, four coefficients are those of a fisheye, as OpenCV's `fisheye::calibrate` returns
-/// them.
+/// Returns the distortion model called `name`; without a name, four coefficients `k` are those of a fisheye, as OpenCV's `fisheye::calibrate`
+/// returns them.
 fn named(name: Option<&str>, k: &[f64]) -> Result<Model, Refusal> {
     let four = || <[f64; 4]>::try_from(k).map(Model::KannalaBrandt);
     let count = format!("{} distortion coefficients", k.len());

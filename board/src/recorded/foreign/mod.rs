@@ -1,8 +1,8 @@
 //! Lens files of other programs: OpenCV (YAML, JSON, XML), Kalibr camchains, ROS `camera_info`, COLMAP `cameras.txt` and OCamCalib
 //! text.
 //!
-//! Models that [`hemilux_core::lens`] has are used unchanged; others are fitted by a Kannala-Brandt polynomial, and the largest deviation is
-//! noted in degrees. None of these files states a field of view: the lens covers the image up to `MAX_ANGLE_DEG` off axis.
+//! Models that [`hemilux_core::lens`] has are used unchanged; other models are fitted by a Kannala-Brandt polynomial, and the largest
+//! deviation is noted in degrees. None of these files states a field of view: the lens covers the image up to `MAX_ANGLE_DEG` off axis.
 
 mod colmap;
 mod fit;
@@ -37,7 +37,7 @@ pub(super) struct ForeignLens {
     pub(super) lens: Lens,
     /// Image columns and rows.
     pub(super) size: [u32; 2],
-    /// Notes about fitted and assumed values.
+    /// Notes about values that were fitted or assumed.
     pub(super) notes: Vec<String>,
 }
 
@@ -61,7 +61,7 @@ fn parse(text: &str) -> Result<ForeignLens, Refusal> {
     Ok(ForeignLens { lens: fitted.lens, size: camera.size, notes })
 }
 
-/// Returns the camera that a text describes; the kind of file follows from its contents.
+/// Returns the camera that the text of a lens file describes; the kind of file follows from its contents.
 fn camera(text: &str, notes: &mut Vec<String>) -> Result<ForeignCamera, Refusal> {
     let begin = text.trim_start_matches('\u{feff}').trim_start();
     if ocam::is(begin) {

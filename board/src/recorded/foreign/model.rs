@@ -58,13 +58,13 @@ pub(super) enum Model {
     Pinhole(Distortion),
     /// Kannala-Brandt: OpenCV's fisheye, Kalibr's and ROS's `equidistant`.
     KannalaBrandt([f64; 4]),
-    /// The field-of-view model; the field is its angle, radians.
+    /// The field-of-view model; the parameter is its angle, radians.
     FieldOfView(f64),
-    /// The unified model of Mei: xi and the distortion.
+    /// The unified model of Mei: the parameter xi and the distortion.
     Omni(f64, Distortion),
-    /// The extended unified model: alpha, beta.
+    /// The extended unified model: the parameters alpha and beta.
     Eucm(f64, f64),
-    /// The double-sphere model: xi, alpha.
+    /// The double-sphere model: the parameters xi and alpha.
     DoubleSphere(f64, f64),
     /// OCamCalib: the coefficients, constant first, of the depth as a polynomial of the radius in pixels; coordinates are divided by the
     /// negated constant.
@@ -120,12 +120,12 @@ fn radial(across: DVec2, radius: f64) -> DVec2 {
     if length > 0.0 { across * (radius / length) } else { DVec2::ZERO }
 }
 
-/// Returns the first radius whose ray, (r, -polynomial(r)), is `theta` off axis, in units of the negated constant.
+/// Returns the first radius, in units of the negated constant, whose ray (r, -polynomial(r)) is `theta` radians off axis.
 fn ocam_radius(polynomial: &[f64], theta: f64) -> Option<f64> {
     let focal = -polynomial.first()?;
     let depth = |r: f64| -polynomial.iter().rev().fold(0.0, |sum, k| sum * r + k);
     let off = |r: f64| r.atan2(depth(r)) - theta;
-    // The angle increases with the radius: the radius is stepped until the angle is passed, then bisected.
+    // The angle increases with the radius: the radius is increased in steps until the angle is exceeded, then bisected.
     let mut high = 0.0;
     let mut steps = 0;
     while off(high) < 0.0 {
@@ -148,7 +148,7 @@ fn ocam_radius(polynomial: &[f64], theta: f64) -> Option<f64> {
 }
 
 impl ForeignCamera {
-    /// Returns the pixel of a direction.
+    /// Returns the pixel at which the camera images a direction; `None` where the model is not defined.
     pub fn pixel(&self, d: DVec3) -> Option<DVec2> {
         let n = self.model.project(d)?;
         let [fx, fy] = self.focal;

@@ -1,15 +1,15 @@
-//! YAML, JSON and XML as one tree of names, lists and scalars.
+//! Parsers of YAML, JSON and XML to one tree of names, lists and scalars.
 
 use super::{EXPECTED, Refusal, refuse};
 use yaml_rust2::{Yaml, YamlLoader};
 
-/// Deepest accepted nesting; lens files need five levels.
+/// Largest accepted depth of nesting; lens files need five levels.
 const MAX_DEPTH: usize = 24;
 
-/// Largest number of references to anchors.
+/// Largest accepted number of references to YAML anchors.
 const MAX_ALIASES: usize = 16;
 
-/// A value of a JSON or YAML document.
+/// A value in the tree of a YAML, JSON or XML document.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Node {
     Map(Vec<(String, Node)>),
@@ -18,7 +18,7 @@ pub(super) enum Node {
 }
 
 impl Node {
-    /// Returns the value of the first of `names` that exists, without regard to case.
+    /// Returns the value of the first of `names` that this map has, without regard to case.
     pub fn get(&self, names: &[&str]) -> Option<&Self> {
         let Self::Map(entries) = self else { return None };
         let find = |name: &&str| entries.iter().find(|(key, _)| key.eq_ignore_ascii_case(name));
@@ -36,7 +36,7 @@ impl Node {
         self.text()?.parse::<f64>().ok().filter(|v| v.is_finite())
     }
 
-    /// Returns all numbers of a matrix: of its `data`, of a list, of lists of lists, or of a text.
+    /// Returns all numbers of a matrix, which may be a map with `data`, a list, a list of lists, or a text.
     pub fn numbers(&self) -> Option<Vec<f64>> {
         match self {
             Self::Map(_) => self.get(&["data"])?.numbers(),
@@ -91,7 +91,7 @@ fn check_nesting(text: &str) -> Result<(), Refusal> {
     )
 }
 
-/// Removes tags such as `!!opencv-matrix` from a line.
+/// Removes YAML tags such as `!!opencv-matrix` from a line.
 fn without_tags(line: &str) -> String {
     let Some((before, after)) = line.split_once("!!") else { return line.into() };
     let rest = after.trim_start_matches(|c: char| !c.is_whitespace());
@@ -121,7 +121,7 @@ fn node(yaml: &Yaml, depth: usize) -> Option<Node> {
     }
 }
 
-/// Parses XML: elements with children are maps, others texts.
+/// Parses XML: elements with children become maps, other elements texts.
 pub(super) fn from_xml(text: &str) -> Result<Node, Refusal> {
     let options = roxmltree::ParsingOptions { allow_dtd: false, nodes_limit: 10_000, ..Default::default() };
     let document = roxmltree::Document::parse_with_options(text, options);

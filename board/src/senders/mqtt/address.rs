@@ -1,4 +1,4 @@
-//! The address of a broker: `mqtt://[USER[:PASSWORD]@]HOST[:PORT][/ID][?every=S&lux=FACTOR]`.
+//! The address of an MQTT broker: `mqtt://[USER[:PASSWORD]@]HOST[:PORT][/ID][?every=S&lux=FACTOR]`.
 
 use crate::machine;
 use axum::http::Uri;
@@ -8,37 +8,37 @@ use std::time::Duration;
 
 const EXPECTED: &str = "expected mqtt://[USER:PASSWORD@]HOST[:PORT][/ID][?every=SECONDS&lux=FACTOR]";
 
-/// TCP port of MQTT without TLS.
+/// Default TCP port of a broker, for MQTT without TLS.
 const PORT: u16 = 1883;
 
-/// Longest id, in characters.
+/// Longest id of a probe in topics, characters.
 const MOST_ID: usize = 63;
 
-/// A broker, and the options of the messages for it.
+/// An MQTT broker, and the options of the messages for it.
 #[derive(Clone, PartialEq)]
 pub struct Broker {
     /// Host name or IP address of the broker.
     pub host: String,
     /// TCP port of the broker.
     pub port: u16,
-    /// User name and password.
+    /// User name and password for the broker.
     pub credentials: Option<(String, String)>,
-    /// The probe's name in topics: the machine's name unless the address has a path.
+    /// The id of the probe in topics: the machine's name unless the address has a path.
     pub id: String,
-    /// Shortest time between two state messages.
+    /// Shortest time between two state messages to the broker.
     pub every: Duration,
-    /// Lux per relative unit, where the user states it.
+    /// Lux per relative unit of irradiance, where the user states it.
     pub lux: Option<f32>,
 }
 
-/// Formats the address without the password.
+/// Formats the address of the broker without the password.
 impl fmt::Debug for Broker {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{self}")
     }
 }
 
-/// Formats the address without user name and password.
+/// Formats the address of the broker without user name and password.
 impl fmt::Display for Broker {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "mqtt://{}:{}/{}", self.host, self.port, self.id)
@@ -82,7 +82,7 @@ impl FromStr for Broker {
     }
 }
 
-/// Returns the port behind `host` in `authority`, or the default port.
+/// Returns the port that follows `host` in `authority`, or the default port.
 fn port(authority: &str, host: &str) -> Result<u16, String> {
     let tail = authority.rsplit('@').next().and_then(|rest| rest.strip_prefix(host)).unwrap_or_default();
     let Some(port) = tail.strip_prefix(':') else { return Ok(PORT) };
@@ -110,7 +110,7 @@ fn decoded(text: &str) -> Option<String> {
     String::from_utf8(bytes).ok()
 }
 
-/// Checks an id for topics and for Home Assistant; without one, returns the machine's name.
+/// Checks the id in the path of an address for topics and for Home Assistant; without an id, returns the machine's name.
 fn id(path: &str) -> Result<String, String> {
     if path.is_empty() {
         return Ok(machine::name());
