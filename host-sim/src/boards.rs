@@ -47,25 +47,25 @@ impl Law {
 /// A simulated camera with a lens of known projection law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BoardCamera {
-    /// Projection law of the lens.
+    /// Projection law of the simulated lens.
     pub law: Law,
     /// Focal lengths along the image's columns and rows, pixels.
     pub focal_px: DVec2,
-    /// Principal point, pixels.
+    /// Principal point of the image, pixels.
     pub centre_px: DVec2,
     /// Columns and rows of the image.
     pub size: [usize; 2],
-    /// Edge of the field of view, radians from the axis.
+    /// Angle from the axis at the edge of the field of view, radians.
     pub max_theta: f64,
-    /// Share of the light that vignetting absorbs at the edge of the field of view, 0 to 1.
+    /// Fraction of the light that vignetting absorbs at the edge of the field of view, 0 to 1.
     pub falloff: f64,
-    /// Standard deviation of the Gaussian blur, pixels.
+    /// Standard deviation of the Gaussian blur of the image, pixels.
     pub blur_px: f64,
-    /// Standard deviation of the Gaussian noise, 8-bit codes.
+    /// Standard deviation of the Gaussian noise of the image, 8-bit codes.
     pub noise: f64,
 }
 
-/// Number of intervals of the table that inverts a projection law.
+/// Number of intervals of the table of a camera's inverse projection law.
 const STEPS: usize = 4096;
 
 /// A camera with a table of its inverse projection law, from which the directions of image points are interpolated.
@@ -110,7 +110,7 @@ fn inverse(camera: &BoardCamera, radius: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// Pose of a chessboard in front of the camera; the unit of length is the side of a square.
+/// Pose of a chessboard in the axes of the camera; the unit of length is the side of a square.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     /// Unit vectors along the board's columns, along its rows and along its normal, in the camera's axes.
@@ -164,7 +164,7 @@ pub fn picture(directions: &Directions, squares: [u32; 2], pose: &Pose, seed: u6
     blurred.iter().map(noisy).collect()
 }
 
-/// Number of samples of a pixel along each axis.
+/// Number of samples of an image pixel along each axis.
 const SAMPLES: usize = 3;
 
 /// Returns the mean code of [`SAMPLES`] x [`SAMPLES`] points of the pixel with the centre `at`, with vignetting.

@@ -20,8 +20,8 @@ use std::path::{Path, PathBuf};
 /// Relative exposure (1 is the largest code) of the brightest visible texel in the shortest frame, if [`LEAST_MEAN`] allows it.
 const HEADROOM: f64 = 0.9;
 
-/// Least mean relative exposure of the longest frame: eight 12-bit codes. In scenes of higher contrast the brightest texels clip, so that the
-/// mean stays above the noise.
+/// Least mean relative exposure of the longest frame: eight 12-bit codes. In scenes of higher contrast the brightest texels are allowed to
+/// clip, so that the mean stays above the noise.
 const LEAST_MEAN: f64 = 0.002;
 
 /// Exposure times of \[Nikodym2012\], seconds.
@@ -30,11 +30,11 @@ pub const THESIS_EXPOSURES_S: [f64; 3] = [0.000_926, 0.005_555, 0.033_333];
 /// Properties of the simulated sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sensor {
-    /// Bits of a code.
+    /// Number of bits of a code of the sensor.
     pub bits: u32,
     /// Electrons at the largest code and gain 1; 0 for a sensor without noise.
     pub full_well: f64,
-    /// Read noise, electrons.
+    /// Read noise of the sensor, electrons.
     pub read_noise: f64,
 }
 
@@ -47,7 +47,7 @@ pub struct BurstJob {
     pub options: ReadOptions,
     /// Path of the lens file.
     pub lens: PathBuf,
-    /// Exposure times, seconds.
+    /// Exposure times of the burst's frames, seconds.
     pub exposures: Vec<f64>,
     /// Radiance that reaches the largest code in one second; `None` to fit the value to the scene.
     pub scale: Option<f64>,
@@ -63,9 +63,9 @@ pub struct BurstJob {
 #[derive(Clone, Debug)]
 pub(crate) struct ExposedScene {
     pub radiance: Vec<[f64; 3]>,
-    /// Largest radiance of a channel over all pixels.
+    /// Largest radiance of any channel over all pixels.
     brightest: f64,
-    /// Mean radiance of the channels and pixels in the image circle.
+    /// Mean radiance over the channels of all pixels in the image circle.
     mean: f64,
 }
 
@@ -200,7 +200,7 @@ fn lookup(env: &EnvMap, direction: DVec3) -> [f32; 3] {
     env.texels()[row * env.width() + column]
 }
 
-/// Returns the relative exposure (1 at the white level) of every code, for each channel.
+/// Returns the relative exposure (1 at the white level) of every code of the sensor, for each channel.
 fn curves(response: &Response, Levels { black, white }: Levels) -> [Vec<f64>; 3] {
     let codes = 0..=(white as u32);
     std::array::from_fn(|c| {
@@ -215,7 +215,7 @@ pub(crate) struct SensorModel {
     /// Radiance that reaches the white level in one second.
     scale: f64,
     sensor: Sensor,
-    /// Relative exposure of every code, for each channel.
+    /// Relative exposure of every code of the sensor, for each channel.
     curves: [Vec<f64>; 3],
 }
 
@@ -316,8 +316,8 @@ fn file_name(index: usize) -> String {
     format!("frame-{index}.png")
 }
 
-/// Returns the text of a `burst.toml` for frames with `exposures` in seconds; `times_ns` contains the frames' time stamps in nanoseconds, or is
-/// empty.
+/// Returns the text of a `burst.toml` for frames with `exposures` in seconds; `times_ns` contains the time stamps of the frames in nanoseconds,
+/// or is empty.
 pub(crate) fn manifest(exposures: &[f64], times_ns: &[u64], lens: &LensFile, camera: &SensorModel) -> String {
     use toml::{Table, Value};
     let Levels { black, white } = camera.levels;

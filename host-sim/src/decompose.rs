@@ -100,7 +100,7 @@ fn map_name(job: &DecomposeJob, domain: Domain) -> Option<PathBuf> {
     job.files.map_name().or_else(read)
 }
 
-/// Number of rows of the map of a built-in scene.
+/// Number of rows of the map that is rendered of a built-in scene.
 const SCENE_ROWS: usize = 256;
 
 /// Reads the map `path`; `scene:NAME` is the map of a built-in scene at time 0. The number of texels out of range and the notes of the file's
@@ -130,7 +130,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<EnvMap, SimError> {
     Ok(env)
 }
 
-/// Returns the largest accepted values, in words.
+/// Returns the largest accepted values of half floats and of other maps, in words.
 fn limits() -> String {
     format!("{HALF_MAX} for half floats and infinities, {FLOAT_MAX:e} for others")
 }

@@ -26,10 +26,10 @@ pub const VARIANTS: [&str; 4] = ["adaptive", "adaptive+soft", "adaptive+sh", "ad
 /// Numbers of discs, and of lobes of a mixture, in the second table.
 pub const COMPARED: [usize; 4] = [4, 8, 16, 64];
 
-/// Largest number of lights of the search of [`DiscMap::fewest`].
+/// Largest number of lights that [`DiscMap::fewest`] tries.
 const MOST: usize = 256;
 
-/// Number of columns to which wider maps are resampled.
+/// Number of columns to which wider maps are resampled for the comparison.
 const WIDTH: usize = 512;
 
 /// Number of timed runs of a sampler, of which the shortest time is reported.
@@ -51,12 +51,12 @@ pub struct DiscMap {
     reference: Reference,
 }
 
-/// Errors and time of one method with one number of lights.
+/// Errors and time of one method with one number of lights on one map.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Measured {
-    /// Open error, a ratio.
+    /// Open error of the set, a ratio.
     pub open: f64,
-    /// Shadowed error, a ratio.
+    /// Shadowed error of the set, a ratio.
     pub shadowed: f64,
     /// Time of one decomposition, milliseconds.
     pub ms: f64,
@@ -185,7 +185,7 @@ fn write_mixtures(out: &mut String, maps: &[DiscMap]) {
     }
 }
 
-/// Returns the means of the errors and of the times; 0 for an empty list.
+/// Returns the means of the errors and of the times in `all`; 0 for an empty list.
 #[must_use]
 pub fn mean(all: &[Measured]) -> Measured {
     let over = |of: fn(&Measured) -> f64| all.iter().map(of).sum::<f64>() / all.len().max(1) as f64;

@@ -122,7 +122,7 @@ impl LogAxis {
         self.pixels[0] + part * (self.pixels[1] - self.pixels[0])
     }
 
-    /// Returns the tick values: powers of ten, and if the ends have a ratio below 60 also their multiples by two and five.
+    /// Returns the tick values of the axis: powers of ten, and if the ends have a ratio below 60 also their multiples by two and five.
     #[must_use]
     pub fn ticks(&self) -> Vec<f64> {
         let [low, high] = self.values;

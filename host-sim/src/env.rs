@@ -17,11 +17,11 @@ pub struct EnvMap {
     height: usize,
     rgb: Vec<[f32; 3]>,
     domain: Domain,
-    /// Number of texels in each row with a value above the largest accepted value, to which it was clipped.
+    /// Number of texels in each row that were clipped to the largest accepted value.
     clipped: Vec<u32>,
     /// Number of texels with a negative value or NaN, which became 0.
     pub negative: usize,
-    /// Notes of the file's reader for the user.
+    /// Notes of the file's reader about the map, for the user.
     pub notes: Vec<String>,
 }
 
@@ -63,13 +63,13 @@ impl EnvMap {
         maps::read(path, options).map(Self::from)
     }
 
-    /// Returns the number of columns.
+    /// Returns the number of columns of the map.
     #[must_use]
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Returns the number of rows, zenith to nadir.
+    /// Returns the number of rows of the map, from zenith to nadir.
     #[must_use]
     pub fn height(&self) -> usize {
         self.height
@@ -87,7 +87,7 @@ impl EnvMap {
         self.domain
     }
 
-    /// Returns the share of the solid angle of `domain` whose texels were clipped to the largest accepted value, 0 to 1.
+    /// Returns the fraction of the solid angle of `domain` whose texels were clipped to the largest accepted value, 0 to 1.
     #[must_use]
     pub fn clipped_share(&self, domain: Domain) -> f64 {
         let (rows, all) = match domain {
@@ -110,7 +110,7 @@ impl EnvMap {
         direction(self.width, self.height, row, column)
     }
 
-    /// Returns the solid angle of a texel of `row`, steradians.
+    /// Returns the solid angle of a texel in row `row`, steradians.
     #[must_use]
     pub fn solid_angle(&self, row: usize) -> f64 {
         let edge = |i: usize| (i as f64 * PI / self.height as f64).cos();

@@ -73,13 +73,14 @@ impl Maps {
         resample(env, &mut self.polar);
     }
 
-    /// Returns views of both maps.
+    /// Returns views of the pyramid and of the latitude-longitude map.
     #[must_use]
     pub fn view(&self) -> Map<'_> {
         Map { pyramid: self.pyramid.view(), polar: self.polar.view() }
     }
 
-    /// Fills each quad and texel with `radiance` at its centre times its solid angle. The quadrature is one point a cell, for benchmarks.
+    /// Fills each quad and texel with `radiance` at its centre times its solid angle. The quadrature has one point per quad or texel, for
+    /// benchmarks.
     pub fn fill_at_centres(&mut self, radiance: impl Fn([f64; 3]) -> [f32; 3]) {
         let order = self.pyramid.view().order().get();
         let sr = healpix::solid_angle(order) as f32;
@@ -102,7 +103,7 @@ impl Maps {
 
 /// One [`Maps`] for each HEALPix order that samplers of the requested numbers of lights read.
 pub struct OrderedMaps {
-    /// Shape and maps, one entry per order.
+    /// Shape and maps of each HEALPix order, one entry per order.
     all: Vec<(Shape, Maps)>,
 }
 
@@ -150,7 +151,7 @@ impl TexelQuads {
     }
 }
 
-/// Overlap of a source cell and a target cell along one axis.
+/// Overlap of a source cell and a target cell along one axis of a map.
 struct Overlap {
     from: usize,
     to: usize,
@@ -164,7 +165,7 @@ fn overlaps(from: &[f64], to: &[f64]) -> Vec<Overlap> {
     let mut first = 0;
     for (i, source) in from.windows(2).enumerate() {
         let width = source[1] - source[0];
-        // Both lists of edges ascend: later source cells do not overlap the target cells that end before this source cell.
+        // The edges in both lists ascend: later source cells do not overlap the target cells that end before this source cell.
         first += to[first..].windows(2).take_while(|target| target[1] <= source[0]).count();
         let near = to.windows(2).enumerate().skip(first).take_while(|(_, target)| target[0] < source[1]);
         for (j, target) in near {
@@ -177,7 +178,8 @@ fn overlaps(from: &[f64], to: &[f64]) -> Vec<Overlap> {
     shares
 }
 
-/// Fills a latitude-longitude map of energy from a map of radiance; each source texel's energy is distributed by overlap along both axes.
+/// Fills a latitude-longitude map of energy from a map of radiance; the energy of each source texel is distributed by overlap along both
+/// axes.
 fn resample(env: &EnvMap, polar: &mut LatLong<Vec<[f32; 3]>>) {
     let grid = polar.grid();
     // Edges along -cos(theta), where equal steps are equal solid angles.
@@ -188,7 +190,7 @@ fn resample(env: &EnvMap, polar: &mut LatLong<Vec<[f32; 3]>>) {
     let (columns_from, columns_to) = (steps(env.width()), steps(grid.width));
     let columns = overlaps(&columns_from, &columns_to);
     if (env.width(), env.height()) == (grid.width, grid.height) && grid.domain == Domain::Sphere {
-        // Equal grids: a texel's energy is its radiance times its solid angle.
+        // With equal grids, the energy of a texel is its radiance times its solid angle.
         for (k, (texel, rgb)) in polar.texels_mut().iter_mut().zip(env.texels()).enumerate() {
             *texel = rgb.map(|v| (f64::from(v) * env.solid_angle(k / grid.width)) as f32);
         }

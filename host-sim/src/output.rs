@@ -61,7 +61,7 @@ fn numbered(path: &Path, index: Option<usize>) -> PathBuf {
     path.with_file_name(format!("{stem}-{index:04}{extension}"))
 }
 
-/// Quality of JPEG pictures, 1 to 100.
+/// Quality of written JPEG pictures, 1 to 100.
 const JPEG_QUALITY: u8 = 92;
 
 /// Parses the path of a picture: `.png`, `.jpg` or `.jpeg`, in upper or lower case.

@@ -34,7 +34,7 @@ pub fn measure(read: &mut RecordedBurst, prints: bool) {
     sort(read, Frame::light);
 }
 
-/// Sorts the frames and the paths of their files by a key of the frame, ascending.
+/// Sorts the frames of the burst and the paths of their files by a key of the frame, ascending.
 fn sort(read: &mut RecordedBurst, key: impl Fn(&Frame) -> f64) {
     let frames = std::mem::take(&mut read.burst.frames).into_iter();
     let mut keyed: Vec<_> =
@@ -77,21 +77,21 @@ impl Ratio {
 /// Largest number of samples of a frame on which a ratio is measured; it bounds the memory. In larger frames every n-th pixel is a sample.
 const MOST_SAMPLES: usize = 3 << 20;
 
-/// Stated and measured exposure ratio of two frames with neighbouring exposures, the longer over the shorter.
+/// Stated and measured exposure ratio of two frames with neighbouring exposures: longer divided by shorter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ratio {
     /// Stated exposure times of the shorter and the longer frame, seconds.
     pub seconds: [f64; 2],
     /// Ratio of the stated exposures (time times gain).
     pub nominal: f64,
-    /// Median ratio over samples that are above the noise and not saturated in both frames; NaN if there are no samples of this kind.
+    /// Median ratio over the samples that are above the noise and not saturated in both frames; NaN if there are no such samples.
     pub measured: f64,
     /// Number of samples over which the median is taken.
     pub samples: usize,
 }
 
-/// Measures the ratios of neighbouring exposures, since the exposure times that cameras report have errors of up to a fifth. The list is empty
-/// for frames in other formats than RGB24 and RGB48.
+/// Measures the ratios of neighbouring exposures in the pixels, since the exposure times that cameras report have errors of up to a fifth. The
+/// list is empty for frames in other formats than RGB24 and RGB48.
 #[must_use]
 pub fn of(calibration: &Calibration, burst: &Burst) -> Vec<Ratio> {
     let c = calibration;
@@ -105,7 +105,7 @@ pub fn of(calibration: &Calibration, burst: &Burst) -> Vec<Ratio> {
 }
 
 fn ratio(curve: &Curve<Vec<i32>>, pair: &[Frame]) -> Ratio {
-    // 1/32 of full scale: below it quantisation dominates.
+    // The least value is 1/32 of full scale, below which quantisation dominates.
     let least = 1 << (hemilux_core::response::CURVE_BITS - 5);
     let step = sample_count(&pair[0]).div_ceil(MOST_SAMPLES);
     let [short, long] = [codes(&pair[0]), codes(&pair[1])];

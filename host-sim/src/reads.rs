@@ -15,9 +15,9 @@ use std::fmt::Write;
 
 /// Number of bursts of each scene.
 const BURSTS: usize = 4;
-/// HEALPix order of the quads whose first moments light the receivers.
+/// HEALPix order of the quads whose first moments illuminate the receivers.
 const ORDER: u8 = 4;
-/// Number of receivers, each with its own normal.
+/// Number of receivers of the comparison, each with its own normal.
 const NORMALS: usize = 96;
 
 /// Figures of [`MergeMode::Needed`] in comparison with [`MergeMode::All`].

@@ -20,9 +20,9 @@ pub struct ReplayJob {
     pub burst: PathBuf,
     /// Path of a lens file, for a folder of photographs without a `burst.toml`.
     pub lens: Option<PathBuf>,
-    /// Limits of the size of the images.
+    /// Limits on the size of the recorded images.
     pub limits: ReadLimits,
-    /// Source of the exposure times.
+    /// Source of the exposure times of the bursts.
     pub exposures: Exposures,
     /// Bursts per second of a recording without time stamps.
     pub rate_hz: Option<f64>,

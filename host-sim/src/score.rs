@@ -11,10 +11,10 @@ use crate::env::EnvMap;
 use crate::metrics::vector::{norm, unit};
 use crate::metrics::{Domain, Lit, LitSet, Reference, Score, sh};
 
-/// Largest accepted size of a file, bytes; a set of 4096 lights has about one megabyte.
+/// Largest accepted size of a light set's file, bytes; a set of 4096 lights has about one megabyte.
 const MAX_BYTES: u64 = 64 << 20;
-/// Largest deviation of a direction's length from 1. Text with six decimals has an error of 2e-6; 1 % accepts files with two decimals and
-/// refuses vectors that are not directions.
+/// Largest deviation from 1 of the length of a light's direction. Text with six decimals has an error of 2e-6; 1 % accepts files with two
+/// decimals and refuses vectors that are not directions.
 const LENGTH_TOLERANCE: f64 = 0.01;
 /// Version of the light set's format.
 const VERSION: u32 = 1;
@@ -25,7 +25,7 @@ pub enum ScoreError {
     /// The light set's file cannot be opened or read.
     #[error("{path}: found {source}, expected a light set that can be read")]
     Io {
-        /// Path of the file.
+        /// Path of the light set's file.
         path: PathBuf,
         /// Error of the operating system.
         source: std::io::Error,
@@ -33,11 +33,11 @@ pub enum ScoreError {
     /// The file does not contain a valid light set.
     #[error("{path}: found {found}, expected {expected}")]
     Set {
-        /// Path of the file.
+        /// Path of the light set's file.
         path: PathBuf,
-        /// The found value, in words.
+        /// The value that was found in the file, in words.
         found: String,
-        /// The expected value, in words.
+        /// The value that was expected, in words.
         expected: &'static str,
     },
 }
@@ -180,7 +180,7 @@ fn to_lit(light: &LightJson, axes: Axes) -> Result<Lit, SetRefusal> {
     })
 }
 
-/// Returns the text as one line of at most 160 characters.
+/// Returns `text` as one line of at most 160 characters.
 fn shortened(text: &str) -> String {
     let line: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).take(160).collect();
     if line.chars().count() < text.chars().count() { line + "…" } else { line }
@@ -205,7 +205,7 @@ mod tests {
 
     #[test]
     fn directions_in_all_axes_are_converted_to_probe_axes() {
-        // Probe directions (0.6, 0, 0.8) and (0, 0.6, 0.8), written by hand in each system.
+        // The probe directions (0.6, 0, 0.8) and (0, 0.6, 0.8) were converted by hand to each coordinate system.
         for (names, first, second) in [
             (&["probe", "blender", "ros"][..], "[0.6, 0, 0.8]", "[0, 0.6, 0.8]"),
             (&["y-up", "gltf", "three", "webxr"], "[0.6, 0.8, 0]", "[0, 0.8, -0.6]"),

@@ -19,16 +19,16 @@ use std::time::Duration;
 /// The bench case whose instructions the constants below state: three exposures, HEALPix order 6.
 const CASE: &str = "rgb24:640x480:adaptive:64";
 
-/// Instructions of merge and map at full quality, and where all three exposures are read of each pixel.
+/// Instructions of merge and map for a frame at full quality, and for a frame in which all three exposures of each pixel are read.
 const FRONT: [f64; 2] = [4_960_269.0, 7_400_829.0];
 
-/// Instructions of the pyramid; a map of one order less has a fourth of the quads.
+/// Instructions of the pyramid for a frame; a map of one order less has a fourth of the quads.
 const PYRAMID: f64 = 2_195_753.0;
 
-/// Instructions of the sampler for 16 and for 64 lights, linear between and beyond.
+/// Instructions of the sampler for a frame with 16 and with 64 lights, linear between and beyond.
 const SAMPLE: [f64; 2] = [600_000.0, 1_834_346.0];
 
-/// Instructions of all other stages, at any quality.
+/// Instructions of all other stages for a frame, at any quality.
 const OTHER: f64 = 1_060_820.0;
 
 /// Number of first processed frames that the figures leave out; during them the probe adapts the quality to the budget.
@@ -43,7 +43,7 @@ const BURSTS: usize = 4;
 /// Time from one burst to the next.
 const PERIOD: Duration = Duration::from_millis(100);
 
-/// Largest relative deviation of a frame's time from the mean.
+/// Largest relative deviation of the time of a frame from the mean.
 const NOISE: f64 = 0.03;
 
 /// Board and load that are simulated.
@@ -51,7 +51,7 @@ const NOISE: f64 = 0.03;
 pub struct SlowdownJob {
     /// Factors by which the speed of the board is divided.
     pub factors: Vec<f32>,
-    /// Time budget of the total, milliseconds.
+    /// Time budget of a frame's total, milliseconds.
     pub budget_ms: f32,
     /// Time of a frame at full quality and factor 1, milliseconds.
     pub frame_ms: f32,
@@ -66,7 +66,7 @@ impl Default for SlowdownJob {
     }
 }
 
-/// Figures of one quality.
+/// Figures of the frames at one quality.
 struct QualityFigures {
     quality: Quality,
     instructions: f64,
@@ -75,15 +75,15 @@ struct QualityFigures {
     shadowed: f64,
 }
 
-/// Figures of the frames with one factor.
+/// Figures of the frames on a board of one factor.
 struct FactorRow {
     /// Number of processed frames after the first [`SETTLING`], and of those within their budget.
     frames: [usize; 2],
-    /// Number of steps after the first [`SETTLING`] frames.
+    /// Number of steps of quality after the first [`SETTLING`] frames.
     steps: usize,
     /// Time of the last frame, milliseconds.
     last_ms: f64,
-    /// The last quality.
+    /// Quality of the last frame.
     quality: Quality,
 }
 

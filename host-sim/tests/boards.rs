@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 use hemilux::calibrate::{Board, Calibrated, Grey, Picture, calibrate};
 use hemilux_sim::boards::{BoardCamera, Directions, Law, picture, poses};
 
-/// Number of pictures of each lens.
+/// Number of pictures with which each lens is calibrated.
 const PICTURES: usize = 24;
 
 /// Returns a camera with a lens of 186 degrees and the projection law `law`.
@@ -48,11 +48,11 @@ fn stated(calibrated: &Calibrated, angle_deg: f64) -> f64 {
 
 /// Errors of the calibrated directions of pixels over the whole field of view.
 struct Errors {
-    /// RMS error, degrees.
+    /// RMS error of the directions, degrees.
     rms_deg: f64,
-    /// Largest error within two degrees of the rim, degrees.
+    /// Largest error of a direction within two degrees of the rim, degrees.
     rim_deg: f64,
-    /// Share of the pixels with an error of at most twice the stated uncertainty.
+    /// Fraction of the pixels whose direction has an error of at most twice the stated uncertainty.
     within: f64,
 }
 

@@ -22,7 +22,7 @@ fn lights(calibration: &Calibration, burst: &Burst) -> LitSet {
     judged(&pipeline.process(burst).expect("lights").decomposition)
 }
 
-/// Returns the RMS difference divided by the RMS of `expected`.
+/// Returns the RMS difference between `found` and `expected`, divided by the RMS of `expected`.
 fn difference(found: &[f64], expected: &[f64]) -> f64 {
     let rms = |values: Vec<f64>| (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt();
     rms(found.iter().zip(expected).map(|(f, e)| f - e).collect()) / rms(expected.to_vec())

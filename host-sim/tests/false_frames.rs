@@ -30,7 +30,7 @@ fn spoil(folder: &Path, index: usize, fault: &str) {
         *code = match fault {
             "black" => 0,
             "saturated" => u16::MAX,
-            // Half of the stated exposure.
+            // The codes are those of half of the stated exposure.
             _ => black + code.saturating_sub(black) / 2,
         };
     }
@@ -42,7 +42,7 @@ fn replay(folder: &Path) -> Vec<Value> {
     lines.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect()
 }
 
-/// Returns the largest relative difference of a channel of scalar flux or horizontal irradiance.
+/// Returns the largest relative difference between two sets in a channel of scalar flux or horizontal irradiance.
 fn difference(set: &Value, expected: &Value) -> f64 {
     let values = |set: &Value| -> Vec<f64> {
         let fields = ["scalar_flux", "horizontal_irradiance"].iter();
@@ -80,7 +80,7 @@ fn six_false_frames_of_a_sequence_are_left_out_and_reported() {
             Some((_, index, fault)) => {
                 assert_eq!(found[0]["index"].as_u64(), Some(*index as u64), "burst {burst}: {found}");
                 assert_eq!(found[0]["why"].as_str(), Some(*fault), "burst {burst}");
-                // The lamps are valid in the shortest exposure alone: without it, the whole burst is left out.
+                // The lamps are valid in the shortest exposure alone: if that exposure is false, the whole burst is left out.
                 let others = found.as_array().expect("a list")[1..]
                     .iter()
                     .filter(|f| f["why"] == "incomplete")

@@ -426,7 +426,7 @@ fn exposures_in_apex_units_and_in_fields_of_large_numbers_are_read() {
         let output = sim(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
         String::from_utf8_lossy(&output.stderr).into_owned()
     };
-    // The photograph states 2^-7 s, the f-number 2^(4 / 2) and ISO 102400.
+    // The photograph states an exposure time of 2^-7 s, the f-number 2^(4 / 2) and ISO 102400.
     let told = read(&[
         (SHUTTER_SPEED, 5, 700_000),
         (APERTURE, 5, 400_000),

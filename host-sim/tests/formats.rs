@@ -7,7 +7,7 @@ use hemilux_core::SamplerKind;
 use hemilux_core::format::{Format, Layout, LayoutError, Matrix, Pattern, Yuv};
 use hemilux_sim::bench::{Case, bursts};
 
-/// Returns the scalar flux (red, green, blue) and the mean direction of the lights.
+/// Returns the scalar flux (red, green, blue) and the mean direction of the lights of a burst.
 fn light(calibration: &Calibration, burst: &Burst) -> ([f64; 3], glam::Vec3) {
     let exposures: Vec<_> = burst.frames.iter().map(|f| f.exposure).collect();
     let settings = Settings { sampler: SamplerKind::Q2Tree, ..Settings::default() };

@@ -12,7 +12,7 @@ use hemilux_sim::metrics::stability::LightSource;
 use hemilux_sim::scenario::stage::{WARM, at, energy, room};
 use hemilux_sim::scenario::world::{Change, Course, Filming, Lamp, Timing, Wave, World};
 
-/// Number of bursts of a run.
+/// Number of bursts of a simulated run.
 const BURSTS: usize = 36;
 /// Number of first bursts without a requirement; in them the pipeline measures the flicker.
 const SETTLED: usize = 20;
@@ -39,7 +39,7 @@ fn world(wave: Wave, other: Wave) -> World {
     World { still, lit: None, lamps: vec![lamp(40.0, 120.0, wave), lamp(30.0, -60.0, other)] }
 }
 
-/// Scalar flux, horizontal irradiance and flicker of one set.
+/// Scalar flux, horizontal irradiance and flicker of the light set of one burst.
 #[derive(Clone, Copy, Debug)]
 struct BurstLight {
     values: [f64; 6],

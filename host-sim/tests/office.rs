@@ -20,7 +20,7 @@ fn pipeline(calibration: &Calibration, burst: &Burst, settings: Settings) -> Pip
     Pipeline::try_new(*calibration, &exposures, settings).expect("a pipeline")
 }
 
-/// Returns the merged radiance of every sample, and whether the sample is clipped.
+/// Returns the merged radiance of every sample of the burst, and whether the sample is clipped.
 fn merged<'a>(calibration: &Calibration, burst: &'a Burst) -> Vec<(f64, bool)> {
     let exposures: Vec<_> = burst.frames.iter().map(|f| f.exposure).collect();
     let order = Order::ZERO;

@@ -8,7 +8,7 @@ use hemilux_sim::bench::bursts::{calibration, make_of};
 use hemilux_sim::bench::case;
 use hemilux_sim::reads::compare;
 
-/// Largest allowed open error between the two modes.
+/// Largest allowed open error between the lights of the two merge modes, a ratio.
 const MOST: f64 = 0.001;
 
 #[test]

@@ -96,7 +96,8 @@ fn share_outside_of_the_field_of_view_is_reported_as_unseen() {
         (set["unseen"].as_f64().expect("a number"), set["scalar_flux"][1].as_f64().expect("a number"))
     };
     let ((share, dark), (same, filled)) = (unseen("none"), unseen("average"));
-    // Outside of the circle of 80 degrees is the share cos(80 deg) = 0.174; the sensor ends at 70 degrees above and below, which cuts two more caps.
+    // Outside of the circle of 80 degrees lies the fraction cos(80 deg) = 0.174 of the hemisphere; the sensor ends at 70 degrees above and below,
+    // which cuts two more caps.
     assert!((0.174..0.25).contains(&share) && share == same, "unseen {share}");
     assert!(filled > dark, "the average adds light outside of the field of view");
 }

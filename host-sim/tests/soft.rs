@@ -17,7 +17,7 @@ use hemilux_sim::stress::{StressJudge, StressRow};
 
 /// Number of discs, and the goals of their mean open and mean shadowed error, per cent.
 const GOALS: [(usize, f64, f64); 4] = [(4, 2.7, 5.3), (8, 1.2, 2.8), (16, 0.6, 1.6), (64, 0.17, 0.50)];
-/// Largest allowed ratio of an error to its goal.
+/// Largest allowed ratio of a measured error to its goal.
 const OVER: f64 = 1.105;
 
 #[test]

@@ -7,14 +7,14 @@ use crate::env::EnvMap;
 use crate::metrics::vector::{add_scaled, dot, norm, unit};
 use crate::metrics::{Domain, Lit, TexelGrid, luminance};
 
-/// Sums over a set of texels, such as the texels that a light represents: energy, luminous energy and first moment.
+/// Sums of energy, luminous energy and first moment over a set of texels, such as the texels that a light represents.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Flux {
-    /// Sum of L dOmega, RGB.
+    /// Energy of the texels: the sum of L dOmega, RGB.
     pub rgb: [f64; 3],
-    /// Sum of Y dOmega.
+    /// Luminous energy of the texels: the sum of Y dOmega.
     pub luminance: f64,
-    /// First moment: the sum of Y dOmega times the direction.
+    /// First moment of the texels: the sum of Y dOmega times the direction.
     pub moment: [f64; 3],
 }
 
@@ -26,7 +26,7 @@ impl Flux {
         Self { rgb, luminance, moment: direction.map(|v| v * luminance) }
     }
 
-    /// Returns the direction of the first moment; `None` if the texels are black or their moments cancel.
+    /// Returns the direction of the first moment of the texels; `None` if the texels are black or their moments cancel.
     #[must_use]
     pub fn centroid(&self) -> Option<[f64; 3]> {
         // The moments of opposite halves of a sky cancel except for rounding errors.
@@ -83,12 +83,12 @@ pub struct Cells {
     solid_angle: Vec<f64>,
 }
 
-/// Angular size of a cell, radians.
+/// Angular size of a cell of a map, radians.
 #[derive(Clone, Copy, Debug)]
 pub struct Pitch {
-    /// Size along the polar angle theta.
+    /// Size of a cell along the polar angle theta, radians.
     pub theta: f64,
-    /// Size along the azimuth phi at the equator.
+    /// Size of a cell along the azimuth phi at the equator, radians.
     pub phi: f64,
 }
 
@@ -112,7 +112,7 @@ impl Cells {
         cells
     }
 
-    /// Creates one cell for each texel.
+    /// Creates cells of which each is one texel of `map`.
     #[must_use]
     pub fn texels(map: &EnvMap, domain: Domain) -> Self {
         Self::new(map, domain, map.width().max(2 * map.height()))
@@ -156,7 +156,7 @@ impl Cells {
         self.flux.is_empty()
     }
 
-    /// Returns the sums over cell `k`.
+    /// Returns the sums over the texels of cell `k`.
     #[must_use]
     pub fn flux(&self, k: usize) -> &Flux {
         &self.flux[k]
@@ -185,7 +185,7 @@ impl Cells {
         (0..self.len()).filter(|&k| self.flux[k].luminance > 0.0)
     }
 
-    /// Returns the sums over all cells.
+    /// Returns the sums over the texels of all cells.
     #[must_use]
     pub fn total(&self) -> Flux {
         self.flux.iter().fold(Flux::default(), |sum, &flux| sum + flux)
@@ -222,7 +222,7 @@ pub fn nearest(centres: &[[f64; 3]], d: [f64; 3]) -> usize {
     best.0
 }
 
-/// Returns the sums over the Voronoi cell of each centre.
+/// Returns the sums over the Voronoi cell of each of `centres`.
 #[must_use]
 pub fn voronoi(cells: &Cells, centres: &[[f64; 3]]) -> Vec<Flux> {
     let mut sums = vec![Flux::default(); centres.len()];

@@ -15,7 +15,7 @@ pub fn gather(map: &EnvMap, domain: Domain, lights: &[Lit]) -> Vec<Lit> {
     lit.map(|(light, flux)| flux.lit(light.direction, light.id)).collect()
 }
 
-/// A baseline followed by [`gather`]; the name is the baseline's name with the suffix `+v`.
+/// A baseline followed by [`gather`]; its name is that of the baseline with the suffix `+v`.
 #[derive(Debug)]
 pub struct Gathered<B> {
     inner: B,

@@ -8,13 +8,13 @@ use crate::metrics::{Domain, Lit};
 
 /// Number of relaxation steps of the complete set; after about ten steps the errors hardly change.
 const FINAL_STEPS: usize = 12;
-/// Number of relaxation steps after each growth.
+/// Number of relaxation steps after each growth of the point set.
 const GROWTH_STEPS: usize = 2;
 /// Number of relaxation steps in a frame that starts with the points of the frame before.
 const WARM_STEPS: usize = 2;
-/// Largest number of rounds in which dropped points are replaced; after them a smaller set is accepted.
+/// Largest number of rounds in which dropped points are replaced; after the last round, a smaller set is accepted.
 const REPAIRS: usize = 8;
-/// Largest number of columns of the cells; energies and centroids of the cells are exact.
+/// Largest number of columns of the map's cells; energies and centroids of the cells are exact.
 const WIDTH: usize = 256;
 
 /// Quadrature by Lloyd relaxation, reconstructed from the publication.
@@ -46,7 +46,7 @@ impl Lloyd {
         Self::default()
     }
 
-    /// Creates a sampler that starts with the points of the map before if the number of lights is equal, so that ids persist.
+    /// Creates a sampler that starts with the points of the previous map if the number of lights is equal, so that ids persist.
     #[must_use]
     pub fn warm() -> Self {
         Self { warm: true, ..Self::default() }
@@ -83,7 +83,7 @@ impl Lloyd {
                 places[owner] = (gain, k);
             }
         }
-        // A position that equals the existing point up to rounding is not inserted.
+        // A point that equals the existing point of its Voronoi cell up to rounding is not inserted.
         let useful = |&i: &usize| places[i].0 > 1e-14 * cells.flux(places[i].1).luminance;
         let mut worst: Vec<usize> = (0..centres.len()).filter(useful).collect();
         worst.sort_by(|&a, &b| assigned.sums[b].spread().total_cmp(&assigned.sums[a].spread()));

@@ -21,7 +21,7 @@ pub(super) fn decompose(map: &EnvMap, domain: Domain, lights: usize) -> Vec<Lit>
     regions_to_lights(&cells, &regions)
 }
 
-/// Returns one light for each region, at its centroid.
+/// Returns one light for each region, at the centroid of the region.
 pub(super) fn regions_to_lights(cells: &Cells, regions: &[Region]) -> Vec<Lit> {
     let middle = |r: Rect| ((r.rows.0 + r.rows.1) / 2) * cells.width() + (r.columns.0 + r.columns.1) / 2;
     let lit =
@@ -35,7 +35,7 @@ fn halve(cells: &Cells, sat: &Sat, region: &Region) -> Option<(Rect, Rect)> {
     axes.into_iter().find_map(|axis| halve_along(sat, region, axis))
 }
 
-/// Returns whether the columns span more of the sphere than the rows, along the middle row.
+/// Returns whether the columns of `rect` span more of the sphere than its rows, along the middle row.
 fn is_wide(cells: &Cells, rect: Rect) -> bool {
     let Pitch { theta: theta_pitch, phi: phi_pitch } = cells.pitch();
     let theta = (rect.rows.0 + rect.rows.1) as f64 / 2.0 * theta_pitch;
@@ -43,7 +43,7 @@ fn is_wide(cells: &Cells, rect: Rect) -> bool {
     width > (rect.rows.1 - rect.rows.0) as f64 * theta_pitch
 }
 
-/// Returns the cut nearest to half the energy whose two parts are not black.
+/// Returns the two parts of a region, cut along `axis` nearest to half the energy so that neither part is black.
 fn halve_along(sat: &Sat, region: &Region, axis: Axis) -> Option<(Rect, Rect)> {
     let half = region.flux.luminance / 2.0;
     let mut positions = region.rect.positions(axis);

@@ -8,8 +8,8 @@ use crate::env::EnvMap;
 use crate::metrics::vector::dot;
 use crate::metrics::{Domain, Lit};
 
-/// Number of candidate directions on a sphere or hemisphere. A lamp smaller than a candidate's share of the sphere (0.8 msr, 1.6 degrees)
-/// has at most one light.
+/// Number of candidate directions on a sphere or hemisphere. A lamp that is smaller than the solid angle per candidate (0.8 msr, 1.6
+/// degrees) has at most one light.
 const CANDIDATES: usize = 16_384;
 /// Number of columns of the cells whose mean luminance is the importance: a cell covers 1.5 msr on average, the solid angle of two candidates.
 const IMPORTANCE_WIDTH: usize = 128;
@@ -49,7 +49,7 @@ pub(super) fn decompose(map: &EnvMap, domain: Domain, lights: usize) -> Vec<Lit>
     found
 }
 
-/// A candidate direction and its rank.
+/// A candidate direction for a light, and its rank.
 #[derive(Clone, Copy, Debug)]
 struct Candidate {
     rank: u32,
@@ -85,7 +85,7 @@ fn keep(cells: &Cells, candidates: &[[f64; 3]], lights: usize, starved: &HashSet
     keys.sort_by_key(|&(_, rank)| rank);
     let total = cells.total();
     if keys.is_empty() && lights > 0 && total.luminance > 0.0 {
-        // If the cells of all candidates are black, one light with an id past the last rank has the energy of the map.
+        // If the Voronoi cells of all candidates are black, one light with an id past the last rank has the energy of the map.
         let direction = total.centroid().unwrap_or([0.0, 0.0, 1.0]);
         return vec![Candidate { rank: CANDIDATES as u32, direction }];
     }
@@ -112,7 +112,8 @@ fn lattice(lowest: f64) -> Vec<[f64; 3]> {
     (0..CANDIDATES).map(at).collect()
 }
 
-/// Returns the points in farthest-first order: each point is the farthest from all points before it. The order takes about 0.2 s per domain.
+/// Returns the points in farthest-first order: each point is the farthest from all points before it. The computation takes about 0.2 s per
+/// domain.
 fn farthest_first(points: &[[f64; 3]]) -> Vec<[f64; 3]> {
     let mut left: Vec<([f64; 3], f64)> = points.iter().map(|&p| (p, -2.0)).collect();
     let mut order = Vec::with_capacity(points.len());

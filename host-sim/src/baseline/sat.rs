@@ -2,16 +2,16 @@
 
 use super::cells::{Cells, Flux};
 
-/// A rectangle of cells.
+/// A rectangle of a map's cells, given by rows and columns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rect {
-    /// First row and the row after the last.
+    /// First row of the rectangle, and the row after its last.
     pub rows: (usize, usize),
-    /// First column and the column after the last.
+    /// First column of the rectangle, and the column after its last.
     pub columns: (usize, usize),
 }
 
-/// Axis of a cut.
+/// Axis along which a rectangle of cells is cut in two.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
     /// The cut separates two rows.
@@ -58,7 +58,7 @@ pub struct Sat {
 }
 
 impl Sat {
-    /// Builds the table of the cells' prefix sums.
+    /// Builds the table of the prefix sums of `cells`.
     #[must_use]
     pub fn new(cells: &Cells) -> Self {
         let (width, height) = (cells.width(), cells.height());
@@ -73,13 +73,13 @@ impl Sat {
         Self { width, height, sums }
     }
 
-    /// Returns the rectangle of all cells.
+    /// Returns the rectangle of all cells of the map.
     #[must_use]
     pub fn whole(&self) -> Rect {
         Rect { rows: (0, self.height), columns: (0, self.width) }
     }
 
-    /// Returns the sums over a rectangle; negative rounding errors are set to 0.
+    /// Returns the sums over the cells of a rectangle; negative rounding errors are set to 0.
     #[must_use]
     pub fn flux(&self, rect: Rect) -> Flux {
         let at = |row: usize, column: usize| &self.sums[row * (self.width + 1) + column];
@@ -106,9 +106,9 @@ impl Sat {
 pub struct Region {
     /// Rectangle of the region's cells.
     pub rect: Rect,
-    /// Sums over the rectangle.
+    /// Sums over the cells of the rectangle.
     pub flux: Flux,
-    /// Priority: the region of the largest priority is cut next; a negative priority marks a region that cannot be cut.
+    /// Priority of the region: the one of the largest priority is cut next; a negative priority marks a region that cannot be cut.
     pub priority: f64,
 }
 

@@ -8,13 +8,13 @@ use crate::env::EnvMap;
 use crate::metrics::vector::{dot, tangents};
 use crate::metrics::{Domain, luminance};
 
-/// Largest number of columns of the cells; energies and centroids of the cells are exact.
+/// Largest number of columns of the map's cells; energies and centroids of the cells are exact.
 const WIDTH: usize = 256;
-/// Largest number of iterations.
+/// Largest number of iterations of the fit.
 const ITERATIONS: usize = 300;
 /// Gain of the mean logarithmic likelihood by an iteration below which the iterations end.
 const LEAST_GAIN: f64 = 1e-6;
-/// Least and greatest concentration: a lobe over nearly the whole sphere, and a lobe of 0.06 degrees.
+/// Least and greatest concentration of a lobe: a lobe over nearly the whole sphere, and a lobe of 0.06 degrees.
 const CONCENTRATIONS: (f64, f64) = (1e-3, 1e6);
 /// Number of directions of equal energy that represent a lobe in the scores.
 const POINTS: usize = 192;
@@ -24,9 +24,9 @@ const POINTS: usize = 192;
 pub struct Lobe {
     /// Unit vector towards the lobe's peak.
     pub axis: [f64; 3],
-    /// Concentration kappa, above 0.
+    /// Concentration kappa of the lobe, above 0.
     pub concentration: f64,
-    /// Integral of the radiance over the sphere, RGB.
+    /// Integral of the lobe's radiance over the sphere, RGB.
     pub flux: [f64; 3],
 }
 
@@ -104,7 +104,7 @@ pub fn sg_mixture(map: &EnvMap, domain: Domain, count: usize) -> Vec<Lobe> {
     lobes
 }
 
-/// Runs one iteration; returns the mean logarithmic likelihood of the lobes before the iteration.
+/// Runs one iteration of the fit; returns the mean logarithmic likelihood of the lobes before the iteration.
 fn improve(cells: &Cells, lobes: &mut [Lobe]) -> f64 {
     let whole = cells.total().luminance;
     let mut sums = vec![Flux::default(); lobes.len()];

@@ -12,7 +12,7 @@ const LAYERS: usize = 6;
 const SOLID_ANGLE_EXPONENT: f64 = 0.25;
 /// Least solid angle in the metric, steradians, so that a lamp of a few texels receives lights.
 const LEAST_SOLID_ANGLE: f64 = 0.01;
-/// Largest number of columns of the cells.
+/// Largest number of columns of the map's cells.
 const WIDTH: usize = 256;
 
 /// Decomposes a map by structured importance sampling, reconstructed from the publication.
@@ -44,7 +44,7 @@ fn layers(cells: &Cells) -> Vec<Option<usize>> {
     let sigma = (squares.sum::<f64>() / solid_angle).sqrt();
     let layer = |k: usize| {
         let lit = cells.flux(k).luminance > 0.0;
-        // A sky without contrast is one layer: the quotient is equal for all cells.
+        // A sky without contrast is one layer, since its luminance divided by sigma is equal for all cells.
         lit.then(|| ((cells.radiance(k) / sigma.max(1e-9 * mean)) as usize).min(LAYERS - 1))
     };
     (0..cells.len()).map(layer).collect()
@@ -99,7 +99,7 @@ fn flood(cells: &Cells, layers: &[Option<usize>], start: usize, seen: &mut [bool
 /// Places the lights of all components, in their order; returns the index of the cell of each light.
 fn place(cells: &Cells, components: &[Component], lights: usize) -> Vec<usize> {
     let mut placed = Vec::new();
-    // Cosine of the angle from each cell to the nearest placed point.
+    // `nearest` is the cosine of the angle from each cell to the nearest placed point.
     let mut nearest = vec![-2.0f64; cells.len()];
     for (component, count) in components.iter().zip(shares(components, lights)) {
         for _ in 0..count {
@@ -114,7 +114,8 @@ fn place(cells: &Cells, components: &[Component], lights: usize) -> Vec<usize> {
     placed
 }
 
-/// Returns the cell of `members` farthest from all placed points; of equally far cells, and if no point is placed, the brightest.
+/// Returns the cell of `members` that is farthest from all placed points; of equally far cells, and if no point is placed, the brightest
+/// cell.
 fn farthest(cells: &Cells, members: &[usize], nearest: &[f64]) -> usize {
     let rank = |&k: &usize| (-nearest[k], cells.radiance(k));
     let farther = |a: usize, b: usize| if rank(&b) > rank(&a) { b } else { a };

@@ -10,7 +10,7 @@ use crate::metrics::vector::{angle_deg, norm};
 use crate::metrics::{Reference, Score, TexelGrid, holds};
 
 fn room() -> EnvMap {
-    // Coloured background, a window across the phi seam, and a small lamp near the zenith.
+    // The map has a coloured background, a window across the phi seam, and a small lamp near the zenith.
     EnvMap::from_fn(96, 48, |d| {
         let window = angle_deg(d, [-0.8, 0.0, 0.6]) < 20.0;
         let lamp = angle_deg(d, [0.1, 0.2, 0.97]) < 6.0;

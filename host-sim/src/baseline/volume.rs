@@ -10,12 +10,12 @@ use crate::env::EnvMap;
 use crate::metrics::{Domain, Lit, TexelGrid};
 use hemilux_core::healpix;
 
-/// HEALPix order of the finest quads: nside 32, 1.8 degrees. Centroids of the quads are exact.
+/// HEALPix order of the finest quads of a box: nside 32, 1.8 degrees. Centroids of the quads are exact.
 const FINEST: u8 = 5;
 /// Relative excess of the energy of a box's brightest frame over the mean of its frames above which the box is split in time. A lamp that doubles
 /// the energy of a quad in half of the frames has about this excess; with smaller values noise consumes the budget of lights.
 const RESTLESS: f64 = 0.33;
-/// Exponent of the solid angle in the importance, as in the Q2-tree.
+/// Exponent of the solid angle in the importance of a box, as in the Q2-tree.
 const SOLID_ANGLE_EXPONENT: f64 = 0.25;
 
 /// Decomposes a sequence offline with at most `lights` lights per frame on average, reconstructed from the publication.
@@ -72,7 +72,7 @@ impl LevelQuad {
     }
 }
 
-/// Sums over the quads of all levels for one frame.
+/// Sums of energy and first moment over the quads of all levels, for one frame.
 struct FluxPyramid {
     levels: Vec<Vec<Flux>>,
 }
@@ -99,7 +99,7 @@ impl FluxPyramid {
     }
 }
 
-/// A box: a quad during an interval of frames.
+/// A box: a quad of the sphere during an interval of frames.
 #[derive(Clone, Debug)]
 struct SequenceBox {
     quad: LevelQuad,
@@ -122,8 +122,8 @@ impl SequenceBox {
         self.frames.clone().filter(|&t| pyramids[t].flux(self.quad).luminance > 0.0).count()
     }
 
-    /// Returns the box in two intervals, cut where the sum of squared deviations of the energy from the two means is least; `None` if the energy
-    /// varies by less than [`RESTLESS`].
+    /// Returns the box cut into two intervals of frames, where the sum of squared deviations of the energy from the two means is least; `None`
+    /// if the energy varies by less than [`RESTLESS`].
     fn in_time(&self, pyramids: &[FluxPyramid]) -> Option<[Self; 2]> {
         let energy: Vec<f64> = self.frames.clone().map(|t| pyramids[t].flux(self.quad).luminance).collect();
         let (sum, brightest) = (energy.iter().sum::<f64>(), energy.iter().copied().fold(0.0, f64::max));
@@ -145,7 +145,7 @@ impl SequenceBox {
         (best.1 > 0).then(|| [part(self.frames.start..at), part(at..self.frames.end)])
     }
 
-    /// Returns the boxes of the quad's children that are not black; an empty list for the finest quads.
+    /// Returns the boxes of those children of the box's quad that are not black; an empty list for the finest quads.
     fn in_space(&self, pyramids: &[FluxPyramid]) -> Vec<Self> {
         if self.quad.level > FINEST {
             return Vec::new();

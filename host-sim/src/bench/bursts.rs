@@ -19,7 +19,7 @@ const SECONDS: [f64; 3] = crate::burst::THESIS_EXPOSURES_S;
 /// Radiance that reaches the largest code in the shortest exposure; it is above the radiance of every built-in scene.
 const FULL: f64 = 60.0;
 
-/// Ratio of focal length to image width of the benchmarks' lens.
+/// Ratio of the focal length to the image width of the lens in benchmarks.
 const FOCAL: f64 = 196.4 / 640.0;
 
 /// Returns the calibration of the camera of `case`: formats of luma and chroma have the sRGB response, all others a linear response.
@@ -48,7 +48,7 @@ pub fn calibration(case: &Case) -> Calibration {
     calibration
 }
 
-/// Returns [`BURSTS`] bursts of the scene `room` at intervals of a tenth of a second; every run returns the same bytes.
+/// Returns [`BURSTS`] bursts of the scene `room` at intervals of a tenth of a second; the bytes are the same in every run.
 #[must_use]
 pub fn make(case: &Case) -> Vec<Burst> {
     make_of(case, scene::by_name("room").expect("a built-in scene"), BURSTS)
@@ -57,14 +57,14 @@ pub fn make(case: &Case) -> Vec<Burst> {
 /// Interval of bursts of three exposures at 28 frames per second, nanoseconds.
 const INTERVAL_NS: u64 = 107_142_857;
 
-/// Returns the burst for frame `frame`, in rotation, and sets its capture time.
+/// Returns the burst for frame `frame`, in rotation, with the capture time of that frame.
 pub fn timed(bursts: &mut [Burst], frame: usize) -> &Burst {
     let burst = &mut bursts[frame % BURSTS];
     burst.phase_ns = (frame as u64 + 1) * INTERVAL_NS;
     burst
 }
 
-/// Returns `count` bursts of `scene` at intervals of a tenth of a second; every run returns the same bytes.
+/// Returns `count` bursts of `scene` at intervals of a tenth of a second; the bytes are the same in every run.
 #[must_use]
 pub fn make_of(case: &Case, scene: Scene, count: usize) -> Vec<Burst> {
     let c = calibration(case);

@@ -6,7 +6,7 @@ use hemilux_core::{MergeMode, SamplerKind};
 use std::fmt;
 use std::str::FromStr;
 
-/// Names of formats in cases. Bayer mosaics have the pattern RGGB, chroma is BT.601 with full range.
+/// Names of the pixel formats in benchmark cases. Bayer mosaics have the pattern RGGB, chroma is BT.601 with full range.
 const FORMATS: [(&str, Format); 8] = [
     ("rgb24", Format::Rgb24),
     ("yuyv", Format::Yuyv(FULL)),
@@ -26,7 +26,7 @@ const SOFT: &str = "+soft";
 /// Suffix of the format's name in cases with [`MergeMode::All`].
 const ALL: &str = "+all";
 
-/// Largest width or height of a frame, pixels.
+/// Largest width or height of the frames of a benchmark case, pixels.
 const MAX_SIDE: u32 = 4096;
 
 /// A benchmark case; its text form is `FORMAT:WIDTHxHEIGHT:SAMPLER:LIGHTS`.
@@ -44,7 +44,7 @@ pub struct Case {
     pub sampler: SamplerKind,
     /// Whether lights are fitted as discs.
     pub soft: bool,
-    /// Largest number of lights.
+    /// Largest number of lights of a set.
     pub lights: usize,
 }
 
@@ -111,7 +111,7 @@ impl Case {
     }
 }
 
-/// Returns one case of the standard size, sampler and number of lights for each format.
+/// Returns one benchmark case of the standard size, sampler and number of lights for each pixel format.
 #[must_use]
 pub fn formats() -> Vec<Case> {
     FORMATS.into_iter().map(|(_, format)| Case::of_format(format)).collect()

@@ -14,9 +14,9 @@ use hemilux_core::wire::{Latency, Overrun};
 use serde::Serialize;
 use std::time::{Duration, Instant};
 
-/// Least number of timed frames of a case.
+/// Least number of timed frames of a benchmark case.
 const LEAST_FRAMES: usize = 64;
-/// Least duration of the measurement of a case.
+/// Least duration of the measurement of a benchmark case.
 const LEAST_TIME: Duration = Duration::from_millis(400);
 
 /// Number of frames before the first timed frame: each burst once.
@@ -51,10 +51,10 @@ struct CaseTimes {
     sample_ms: f64,
     total_ms: f64,
     memcpy_ratio: f64,
-    /// Half the interquartile range of each time, divided by its median.
+    /// Half the interquartile range of the time of each stage, divided by the median.
     spread: Spread,
     frames: usize,
-    /// Names of stages whose median exceeds the budget.
+    /// Names of the stages whose median time exceeds the budget.
     over: Vec<&'static str>,
 }
 

@@ -13,7 +13,7 @@ use hemilux_core::polar::Grid;
 use hemilux_core::sampler::Request;
 use std::process::Command;
 
-/// Numbers of frames of the two runs; the difference of the two counts belongs to the additional frames.
+/// Numbers of frames of the two runs under callgrind; the difference between the two counts belongs to the additional frames.
 const FRAMES: [usize; 2] = [2, 10];
 /// Grid of the latitude-longitude map that the sampler `pharr` reads.
 const GRID: Grid = Grid { width: 256, height: 128, domain: Domain::Sphere };

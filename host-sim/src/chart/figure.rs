@@ -6,24 +6,24 @@ use crate::draw::{BLUE, Canvas, GREEN, GREY, INK, LogAxis, ORANGE, PALE, PURPLE,
 use plotters::style::RGBColor;
 use plotters::style::text_anchor::HPos;
 
-/// Colours of the methods, in rotation.
+/// Colours of the methods' curves, in rotation.
 const PALETTE: [RGBColor; 7] = [VERMILLION, BLUE, GREEN, PURPLE, ORANGE, SKY, INK];
-/// Colour of the Pareto front.
+/// Colour of the Pareto front in the charts.
 const FRONT: RGBColor = RGBColor(255, 226, 130);
-/// Width and height of a panel's plot, pixels.
+/// Width and height of the plot of a chart's panel, pixels.
 const PANEL: [f64; 2] = [420.0, 420.0];
 /// Width of the labels left of a plot, pixels.
 const LEFT: f64 = 64.0;
 /// Height of the title and the labels above a plot, pixels.
 const TOP: f64 = 96.0;
-/// Height of the labels below a plot, pixels.
+/// Height of the labels below the plot of a panel, pixels.
 const FOOT: f64 = 60.0;
-/// Width of the legend, pixels.
+/// Width of a chart's legend, pixels.
 const LEGEND: f64 = 210.0;
-/// Number of lights whose points are drawn larger.
+/// Number of lights whose points are drawn larger in the charts.
 const MARKED: usize = 64;
 
-/// One panel of a chart: a quantity x, a quantity y, and their labels.
+/// One panel of a chart: a quantity on each axis, and the labels of the axes.
 #[derive(Clone, Copy)]
 struct Panel<'a> {
     title: &'a str,

@@ -6,15 +6,15 @@ use crate::progress;
 use crate::scenario::{self, Setting};
 use crate::stress::StressJudge;
 
-/// Names of the scenarios, whose maps have the size of the quick stress report.
+/// Names of the scenarios over which flicker is averaged; their maps have the size of the quick stress report.
 pub(super) const SCENARIOS: [&str; 5] = ["swinging-bulb", "walker", "clouds", "seam", "switch"];
 
-/// Numbers of lights of a chart.
+/// Numbers of lights for which a chart shows flicker.
 const COUNTS: &[usize] = &[4, 16, 64, 256, 1024];
-/// Numbers of lights of a quick chart.
+/// Numbers of lights for which a quick chart shows flicker.
 const QUICK: &[usize] = &[16, 64];
 
-/// Sets the flicker of the points whose number of lights is in [`COUNTS`], or in [`QUICK`] if `quick`.
+/// Sets the flicker of those points whose number of lights is in [`COUNTS`], or in [`QUICK`] if `quick`.
 pub(super) fn add(points: &mut [Point], quick: bool) {
     let counts = if quick { QUICK } else { COUNTS };
     let bar = progress::bar("flicker", SCENARIOS.len());

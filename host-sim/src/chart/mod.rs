@@ -27,7 +27,7 @@ use std::path::PathBuf;
 
 /// Largest number of lights of a method's curve.
 pub const MOST: usize = 1024;
-/// Number of lights for which instructions are counted.
+/// Number of lights for which the instructions of a method are counted.
 const COUNTED: usize = 64;
 
 /// Arguments of `chart`.
@@ -41,7 +41,7 @@ pub struct ChartJob {
     pub quick: bool,
 }
 
-/// Figures of one method with one number of lights, over all maps. Errors are ratios.
+/// Figures of one method with one number of lights, over all maps of a chart. Errors are ratios.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Point {
     /// Name of the method.
@@ -51,21 +51,21 @@ pub struct Point {
     /// Median time per map, milliseconds: from the pyramid and the latitude-longitude map to lights for samplers of the core, from the texels to
     /// lights for other methods.
     pub sample_ms: f64,
-    /// Mean over the maps of the open error.
+    /// Open error of the method's sets, mean over the maps.
     pub open: Option<f64>,
-    /// Mean over the maps of the shadowed error.
+    /// Shadowed error of the method's sets, mean over the maps.
     pub shadowed: Option<f64>,
-    /// Mean over the maps of the open error of the lights read as discs.
+    /// Open error of the method's sets with the lights read as discs, mean over the maps.
     pub soft_open: Option<f64>,
-    /// Mean over the maps of the shadowed error of the lights read as discs.
+    /// Shadowed error of the method's sets with the lights read as discs, mean over the maps.
     pub soft_shadowed: Option<f64>,
-    /// Largest shadowed error over the maps.
+    /// Shadowed error of the method's sets, largest over the maps.
     pub worst_shadowed: Option<f64>,
-    /// Largest energy error over the maps.
+    /// Energy error of the method's sets, largest over the maps.
     pub energy: Option<f64>,
-    /// Mean over scenarios of the flicker; lights that are fitted as discs are read as discs. `None` if it was not measured.
+    /// Flicker of the method's sets, mean over scenarios; lights that are fitted as discs are read as discs. `None` if it was not measured.
     pub flicker: Option<f64>,
-    /// Number of maps.
+    /// Number of maps over which the means are computed.
     pub maps: usize,
     /// Time from a burst of three 640 x 480 frames to lights, milliseconds; `None` for methods outside of the core.
     pub burst_ms: Option<f64>,

@@ -5,9 +5,9 @@ use hemilux_core::SamplerKind;
 
 #[derive(clap::ValueEnum, Clone, Copy, Debug)]
 pub(super) enum ExposuresArg {
-    /// Exposure times that the manifest or the EXIF data state.
+    /// The exposure times are those that the manifest or the EXIF data state.
     Stated,
-    /// Stated time of the brightest frame; times of the other frames by the ratios measured in the pixels.
+    /// The brightest frame has its stated exposure time; the times of the other frames follow from ratios measured in the pixels.
     Measured,
 }
 

@@ -12,11 +12,11 @@ const EXPECTED: &str = "a JPEG or PNG photograph with EXIF data";
 /// Exposure, transfer function and camera settings of a photograph, from its EXIF data.
 pub(super) struct Photo {
     pub path: PathBuf,
-    /// Exposure time, seconds.
+    /// Exposure time of the photograph, seconds.
     pub seconds: f64,
-    /// ISO sensitivity, if stated.
+    /// ISO sensitivity of the photograph, if stated.
     pub iso: Option<f64>,
-    /// Aperture as f-number, if stated.
+    /// Aperture of the photograph as f-number, if stated.
     pub aperture: Option<f64>,
     pub transfer: Transfer,
     /// EXIF fields whose values must be equal in all photographs of a burst.
@@ -31,7 +31,7 @@ pub(super) struct CommonField {
 }
 
 impl CommonField {
-    /// Returns the value, or "none".
+    /// Returns the value of the field, or "none".
     pub fn shown(&self) -> String {
         self.value.clone().unwrap_or_else(|| "none".into())
     }
@@ -80,17 +80,18 @@ impl Photo {
         Ok(Self { path: path.into(), seconds, iso, aperture, transfer, same })
     }
 
-    /// Returns the name of the file.
+    /// Returns the file name of the photograph.
     pub fn file(&self) -> String {
         self.path.file_name().unwrap_or_default().to_string_lossy().into_owned()
     }
 
-    /// Returns the gain: the ISO sensitivity over 100, divided by the square of the f-number; without a stated value, 100 and 1 are used.
+    /// Returns the gain of the photograph: the ISO sensitivity over 100, divided by the square of the f-number; without a stated value, 100
+    /// and 1 are used.
     pub fn gain(&self) -> f64 {
         self.iso.unwrap_or(100.0) / 100.0 / self.aperture.unwrap_or(1.0).powi(2)
     }
 
-    /// Returns the exposure: the exposure time in seconds times the gain.
+    /// Returns the exposure of the photograph: the exposure time in seconds times the gain.
     pub fn light(&self) -> f64 {
         self.seconds * self.gain()
     }

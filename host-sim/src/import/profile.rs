@@ -13,10 +13,11 @@ const COLORANT_TOLERANCE: f64 = 0.01;
 /// Largest accepted difference of a relative exposure from a known transfer function; sRGB and a power of 2.2 differ by 0.0083.
 const CURVE_TOLERANCE: f64 = 0.004;
 
-/// Returns the transfer function of a profile.
+/// Returns the transfer function of an ICC profile.
 ///
 /// # Errors
-/// Text with the name of the profile, if it is no matrix profile, has other primaries, or has a transfer function that is neither linear nor sRGB.
+/// Text with the name of the profile, if the profile is no matrix profile, has other primaries, or has a transfer function that is neither linear
+/// nor sRGB.
 pub(super) fn transfer(icc: &[u8]) -> Result<Transfer, String> {
     let profile =
         ColorProfile::new_from_slice(icc).map_err(|e| format!("an ICC profile that is broken ({e})"))?;
@@ -45,7 +46,7 @@ fn has_rec_709(profile: &ColorProfile) -> bool {
     found.into_iter().zip(REC_709).all(|(found, expected)| is_close(found, expected))
 }
 
-/// Returns whether a curve agrees with `function` at the 256 codes of 8 bits.
+/// Returns whether a tone curve agrees with `function` at the 256 codes of 8 bits.
 fn follows(curve: &ToneReprCurve, function: fn(f32) -> f64) -> bool {
     let Ok(curve) = curve.make_linear_evaluator() else { return false };
     (0..=255u8).all(|code| {
@@ -59,7 +60,7 @@ fn srgb(code: f32) -> f64 {
     if code <= 0.04045 { code / 12.92 } else { ((code + 0.055) / 1.055).powf(2.4) }
 }
 
-/// Returns the description of the profile in quotation marks.
+/// Returns the description of an ICC profile in quotation marks.
 fn name(profile: &ColorProfile) -> String {
     let text = match &profile.description {
         Some(ProfileText::PlainString(text)) => text.as_str(),

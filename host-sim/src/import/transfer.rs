@@ -17,7 +17,7 @@ const MAX_HEADER: u64 = 1 << 20;
 /// Largest size of the memory for a decompressed colour profile, bytes.
 const PROFILE_BYTES: u64 = 1 << 24;
 
-/// Expected value of an error about a colour space.
+/// The expected value in error messages about a colour space.
 pub(super) const EXPECTED: &str = "linear or sRGB samples with the primaries of Rec. 709 (convert the photographs to sRGB, or use --ignore-profile)";
 
 /// Returns the transfer function that a file states; with `ignores_profile`, the usual function of the file's format.
@@ -28,7 +28,7 @@ pub(super) fn read(path: &Path, ignores_profile: bool) -> Result<Transfer, SimEr
     let is_png = begin.starts_with(b"\x89PNG");
     let usual = match begin.as_slice() {
         [b'P', b'2'..=b'7', ..] => Transfer::Linear,
-        // Bit depth in the image header.
+        // The bit depth is in the image header.
         _ if is_png && begin.get(24) == Some(&16) => Transfer::Linear,
         _ => Transfer::Srgb,
     };
@@ -48,7 +48,7 @@ fn of_profile(path: &Path) -> Result<Option<Transfer>, String> {
         reader.limits(limits);
         reader.into_decoder().ok()
     });
-    // A file that cannot be decoded is refused when its pixels are read.
+    // A file that cannot be decoded is refused later, when its pixels are read.
     let icc = decoder.and_then(|mut decoder| decoder.icc_profile().ok().flatten());
     icc.map(|icc| profile::transfer(&icc)).transpose()
 }

@@ -62,13 +62,13 @@ impl TexelGrid {
         self.domain
     }
 
-    /// Returns the number of columns.
+    /// Returns the number of columns of the grid.
     #[must_use]
     pub fn width(&self) -> usize {
         self.size.0
     }
 
-    /// Returns the number of rows inside of the domain.
+    /// Returns the number of rows of the grid inside of the domain.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.rows

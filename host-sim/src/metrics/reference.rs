@@ -76,7 +76,7 @@ impl Reference {
         Self { grid, open, shadowed, total }
     }
 
-    /// Returns the texels over which the irradiance is summed.
+    /// Returns the grid of texels over which the irradiance is summed.
     #[must_use]
     pub fn grid(&self) -> &TexelGrid {
         &self.grid
@@ -100,13 +100,13 @@ impl Reference {
         &self.shadowed.irradiance
     }
 
-    /// Returns the mean E_ref of the open receivers.
+    /// Returns the mean of E_ref over the open receivers.
     #[must_use]
     pub fn open_mu(&self) -> f64 {
         self.open.mu
     }
 
-    /// Returns the mean E_ref of the shadowed receivers.
+    /// Returns the mean of E_ref over the shadowed receivers.
     #[must_use]
     pub fn shadowed_mu(&self) -> f64 {
         self.shadowed.mu
@@ -195,7 +195,7 @@ impl Reference {
     }
 }
 
-/// Returns the luminance of the ambient coefficients, if the set has any.
+/// Returns the luminance of the ambient coefficients of a light set, if the set has any.
 pub(super) fn ambient_luminance(set: &LitSet) -> Option<[f64; 9]> {
     set.ambient_sh.map(|rows| rows.map(luminance))
 }

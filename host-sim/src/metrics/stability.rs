@@ -22,14 +22,14 @@ pub const SETTLED: f64 = 1.25;
 /// Mean and largest value of a score over the frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread {
-    /// Arithmetic mean.
+    /// Arithmetic mean of the score over the frames.
     pub mean: f64,
-    /// Largest value.
+    /// Largest score of a frame.
     pub max: f64,
 }
 
 impl Spread {
-    /// Returns the mean and the largest of `values`; `None` if there are none.
+    /// Returns the mean and the largest of `values`; `None` if there are no values.
     #[must_use]
     pub fn of(values: &[f64]) -> Option<Self> {
         let max = values.iter().copied().reduce(f64::max)?;

@@ -28,11 +28,11 @@ use shade::Directional;
 use std::f64::consts::PI;
 use std::path::PathBuf;
 
-/// Width and height of a panel, pixels.
+/// Width and height of a panel of the picture, pixels.
 const PANEL: [usize; 2] = [640, 420];
-/// Largest number of lit texels that become one light each; maps with more lit texels become one light per quad.
+/// Largest number of lit texels of a map that become one light each; a map with more lit texels becomes one light per quad.
 const TEXELS: usize = 4096;
-/// HEALPix order of the quads that become one light each: 3,072 quads of 3.7 degrees.
+/// HEALPix order of the quads of a map that become one light each: 3,072 quads of 3.7 degrees.
 const ORDER: u8 = 4;
 /// Number of directional lights that approximate ambient light.
 const AMBIENT: usize = 512;
@@ -84,7 +84,7 @@ fn side_by_side(env: &EnvMap, made: &[Directional], lights: usize) -> image::Rgb
 
 /// Radiance of one rendered panel.
 pub struct Shot {
-    /// Columns and rows, pixels.
+    /// Columns and rows of the panel, pixels.
     pub size: [usize; 2],
     /// Radiance (red, green, blue) of each pixel, row-major.
     pub radiance: Vec<[f64; 3]>,

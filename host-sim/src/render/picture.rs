@@ -5,9 +5,9 @@ use crate::metrics::luminance;
 use hemilux_core::tonemap::srgb_code;
 use image::{Rgb, RgbImage};
 
-/// Height of the strip of labels above the panels, pixels.
+/// Height of the strip of labels above the panels of a picture, pixels.
 const STRIP: usize = 28;
-/// Gap between panels, pixels.
+/// Gap between the panels of a picture, pixels.
 const GAP: usize = 4;
 /// Linear display value, 0 to 1, of the 95th percentile of the surfaces' luminance.
 const BRIGHT: f64 = 0.8;

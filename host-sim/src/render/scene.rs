@@ -21,7 +21,7 @@ pub struct Ray {
 pub struct Material {
     /// Diffuse albedo (red, green, blue), 0 to 1.
     pub albedo: [f64; 3],
-    /// Weight and exponent of a Phong lobe.
+    /// Weight and exponent of a Phong lobe; `None` for a diffuse surface.
     pub gloss: Option<(f64, f64)>,
 }
 
@@ -67,7 +67,7 @@ impl Scene {
     /// Ground alone.
     pub const EMPTY: Self = Self { solids: false };
 
-    /// Returns the nearest intersection of the ray with a surface; `None` if the ray hits no surface.
+    /// Returns the nearest intersection of `ray` with a surface of the scene; `None` if the ray hits no surface.
     #[must_use]
     pub fn hit(&self, ray: &Ray) -> Option<Hit> {
         let solids = if self.solids { [sphere(ray), cuboid(ray), torus(ray)] } else { [None; 3] };
@@ -106,7 +106,7 @@ fn ground(ray: &Ray) -> Found {
     (distance > 0.0 && x.hypot(y) < GROUND_RADIUS).then_some((distance, [0.0, 0.0, 1.0]))
 }
 
-/// Returns the distances along the ray at which it enters and leaves a sphere.
+/// Returns the distances along `ray` at which the ray enters and leaves a sphere.
 fn ball(ray: &Ray, centre: [f64; 3], radius: f64) -> Option<[f64; 2]> {
     let off: [f64; 3] = std::array::from_fn(|i| ray.origin[i] - centre[i]);
     let along = dot(off, ray.direction);
@@ -121,7 +121,7 @@ fn sphere(ray: &Ray) -> Found {
     (near > 0.0).then(|| (near, std::array::from_fn(|i| (point[i] - centre[i]) / radius)))
 }
 
-/// Intersects the ray with the box by its slabs, after a test with the box's bounding sphere, which most shadow rays miss.
+/// Intersects `ray` with the box by its slabs, after a test with the bounding sphere of the box, which most shadow rays miss.
 fn cuboid(ray: &Ray) -> Found {
     let middle = std::array::from_fn(|i| (BOX[0][i] + BOX[1][i]) / 2.0);
     let [_, leave] = ball(ray, middle, BOX_RADIUS)?;
@@ -152,7 +152,7 @@ fn torus_distance(point: [f64; 3]) -> f64 {
     (norm(flat) - large).hypot(height) - small
 }
 
-/// Intersects the ray with the torus by sphere tracing inside of the bounding sphere.
+/// Intersects `ray` with the torus by sphere tracing inside of the torus's bounding sphere.
 fn torus(ray: &Ray) -> Found {
     let (centre, _, large, small) = TORUS;
     let [enter, leave] = ball(ray, centre, large + small)?;
@@ -190,13 +190,13 @@ fn torus_normal(point: [f64; 3]) -> [f64; 3] {
 /// A pinhole camera above the scene, directed downwards.
 #[derive(Clone, Copy, Debug)]
 pub struct PinholeCamera {
-    /// Columns and rows of the picture.
+    /// Columns and rows of the rendered picture.
     pub size: [usize; 2],
     forward: [f64; 3],
     up: [f64; 3],
 }
 
-/// Position of the camera.
+/// Position of the camera in the scene.
 const EYE: [f64; 3] = [0.1, -6.6, 3.1];
 /// Point at which the camera is directed.
 const TARGET: [f64; 3] = [0.05, 0.0, 0.75];

@@ -7,9 +7,9 @@ use std::f64::consts::{PI, TAU};
 /// A directional light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Directional {
-    /// Unit vector towards the light.
+    /// Unit vector from the surface towards the light.
     pub direction: [f64; 3],
-    /// Perpendicular irradiance; negative for negative lobes of ambient harmonics.
+    /// Perpendicular irradiance of the light, RGB; negative for negative lobes of ambient harmonics.
     pub irradiance: [f64; 3],
 }
 

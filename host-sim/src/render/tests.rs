@@ -53,7 +53,7 @@ fn the_shadow_of_the_sphere_has_its_analytic_shape() {
         let distance2 = (0..3).map(|i| off[i] * off[i]).sum::<f64>() - along * along;
         let shadow = distance2 < 1.0;
         let hit = below(x, y);
-        // Points at the rim of the shadow and in the shadows of the box and the torus are left out.
+        // Ground points at the rim of the shadow and in the shadows of the box and the torus are not compared.
         if (distance2 - 1.0).abs() > 0.01 && hit.ground && x < -0.6 {
             dark += usize::from(shadow);
             wrong += usize::from(Scene::STANDARD.sees(&hit, l) == shadow);

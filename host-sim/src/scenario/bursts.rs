@@ -20,7 +20,7 @@ const BEFORE: usize = 22;
 /// Text of the lens file: an equidistant lens of 180 degrees with pixels of about one degree, so that the whole hemisphere is in the field of view.
 const LENS: &str = "version = 1\n[lens]\nmodel = \"equidistant\"\nsize = [192, 192]\ncentre = [95.5, 95.5]\nfocal = [60.5, 60.5]\nmax_angle_deg = 89.9\n";
 
-/// Time from the readout of one row to the next, seconds.
+/// Time from the readout of one row of a frame to that of the next, seconds.
 const LINE_S: f64 = 30e-6;
 
 /// Returns the scenario of the room of `stage` with two lamps of waveform `wave`, each with the energy of the room. The frame rate of the camera is
@@ -56,7 +56,7 @@ fn world(stage: &Stage, wave: Wave) -> World {
     World { still, lit: None, lamps: vec![lamp(35.0, -120.0, 0.0), lamp(50.0, 30.0, 1.0 / 3.0)] }
 }
 
-/// Returns the map with black texels below the horizon.
+/// Returns `map` with black texels below the horizon.
 fn upper(map: &EnvMap) -> EnvMap {
     let half = map.width() * (map.height() / 2);
     let texels = map.texels().iter().enumerate().map(|(k, rgb)| if k < half { *rgb } else { [0.0; 3] });

@@ -10,11 +10,11 @@ use rand_distr::{Distribution, StandardNormal, Uniform};
 use rand_pcg::Pcg64;
 use std::f64::consts::{PI, TAU};
 
-/// Interval of bursts, seconds, of a camera with a nominal rate of 10 Hz. At exactly 10 Hz flicker of 100 and of 120 Hz would be constant.
+/// Interval of bursts, seconds, of a camera with a nominal rate of 10 Hz. At exactly 10 Hz, flicker of 100 and of 120 Hz would be constant.
 const BURST_S: f64 = 0.103;
 /// Interval of the frames of a burst, seconds.
 const FRAME_S: f64 = 1.0 / 30.0;
-/// Relative standard deviation of a texel's noise.
+/// Standard deviation of the noise of a texel, relative to its radiance.
 const NOISE: f64 = 0.02;
 
 fn rng(stage: &Stage, stream: u64) -> Pcg64 {
@@ -160,7 +160,7 @@ fn doubled(map: &EnvMap, clip: [f64; 3], rng: &mut Pcg64) -> EnvMap {
     EnvMap::new(map.width(), map.height(), texels.collect())
 }
 
-/// Returns the radiance if the samples of the first two exposures are exchanged.
+/// Returns the radiance that the merge computes from `radiance` if the samples of the first two exposures are exchanged.
 fn swapped(radiance: f64, clip: [f64; 3]) -> f64 {
     let times = [EXPOSURES_S[1], EXPOSURES_S[0], EXPOSURES_S[2]];
     let valid = |i: &usize| radiance <= clip[*i] * (1.0 + 1e-6);

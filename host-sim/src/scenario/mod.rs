@@ -66,10 +66,10 @@ pub const NAMES: [&str; 22] = [
     "bursts-120-led",
 ];
 
-/// Size, length, seed and background of a sequence.
+/// Size, length, seed and background of a scenario's sequence.
 #[derive(Clone, Debug)]
 pub struct Setting {
-    /// Columns of the maps; they have half as many rows.
+    /// Number of columns of the maps, which have half as many rows.
     pub width: usize,
     /// Number of frames of a sequence, at least 8.
     pub frames: usize,
@@ -91,7 +91,7 @@ impl Setting {
 pub struct Scenario {
     /// Name of the scenario, one of [`NAMES`].
     pub name: &'static str,
-    /// Domain of the maps.
+    /// Part of the sphere that the maps cover.
     pub domain: Domain,
     /// True radiance, one map per frame.
     pub truth: Vec<EnvMap>,
@@ -107,7 +107,7 @@ pub struct Scenario {
     pub switched_energy: Option<f64>,
     /// Whether receivers that see the first source are excluded from the scores.
     pub in_shadow: bool,
-    /// Requested share of the lights in each frame, 0 to 1; empty for all lights in every frame.
+    /// Fraction of the lights that is requested in each frame, 0 to 1; empty for all lights in every frame.
     pub share: Vec<f64>,
     /// Whether the scene is static and the maps are noisy, so that motion noise is scored.
     pub static_noise: bool,

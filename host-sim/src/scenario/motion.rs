@@ -8,9 +8,9 @@ use crate::metrics::stability::LightSource;
 use crate::metrics::vector::unit;
 use std::f64::consts::TAU;
 
-/// Luminous energy of a moving lamp divided by the energy of the background.
+/// Ratio of the luminous energy of a moving lamp to the energy of the background.
 const LAMP_SHARE: f64 = 1.0;
-/// Luminous energy of the sun divided by the energy of sky and ground, on a clear day at noon.
+/// Ratio of the luminous energy of the sun to the energy of sky and ground, on a clear day at noon.
 const SUN_SHARE: f64 = 5.0;
 
 /// Returns a scenario of `ground` and a lamp of `radius_deg` on a path; the lamp is the first source of every frame.

@@ -11,7 +11,7 @@ use std::f64::consts::{PI, TAU};
 /// Number of samples along each side of a texel at a disc's rim. The samples determine the shape of the rim; the energy of the disc is normalised.
 const SUBSAMPLES: usize = 6;
 
-/// Setting of a sequence with the computed background maps.
+/// Setting of a sequence with the background maps that belong to it.
 #[derive(Debug)]
 pub struct Stage {
     /// Size, length, seed and background of the sequence.
@@ -40,7 +40,7 @@ impl Stage {
         Self { setting: setting.clone(), room: painted(room), sky: painted(sky) }
     }
 
-    /// Returns the number of frames of a sequence.
+    /// Returns the number of frames of the sequence.
     #[must_use]
     pub fn frames(&self) -> usize {
         self.setting.frames
@@ -64,9 +64,8 @@ pub fn energy(map: &EnvMap) -> f64 {
     TexelGrid::new(map, Domain::Sphere).luminous(map).map(|(_, flux)| flux).sum()
 }
 
-/// Returns `map` with a uniform disc of `flux` (sum of Y dOmega) and `colour` added at `source`: the map gains exactly that energy, and no
+/// Returns `map` with a uniform disc of `flux` (sum of Y dOmega) and `colour` added at `source`: the map gains exactly this energy, and no
 /// texel outside of the disc changes.
-/// texel outside the disc changes.
 #[must_use]
 pub fn with_disc(map: &EnvMap, source: LightSource, colour: [f64; 3], flux: f64) -> EnvMap {
     let cover = coverage(map, source);
@@ -84,11 +83,11 @@ pub fn with_disc(map: &EnvMap, source: LightSource, colour: [f64; 3], flux: f64)
 struct Covered {
     /// Index of the texel, row-major.
     texel: usize,
-    /// Part of the texel's area inside of the disc, 0 to 1.
+    /// Fraction of the texel's area inside of the disc, 0 to 1.
     part: f64,
 }
 
-/// Returns the texels that overlap a disc; for a disc without any sample inside, the texel that contains its centre.
+/// Returns the texels that overlap the disc of `source`; for a disc without any sample inside, the texel that contains the centre.
 fn coverage(map: &EnvMap, source: LightSource) -> Vec<Covered> {
     let (width, height) = (map.width(), map.height());
     let reach = source.radius_deg + 180.0 * std::f64::consts::SQRT_2 / height as f64;
@@ -109,7 +108,7 @@ fn coverage(map: &EnvMap, source: LightSource) -> Vec<Covered> {
     if cover.is_empty() { vec![Covered { texel: nearest.1, part: 1.0 }] } else { cover }
 }
 
-/// Returns the part of texel `k` inside of the disc, by [`SUBSAMPLES`] x [`SUBSAMPLES`] samples.
+/// Returns the fraction of texel `k` inside of the disc of `source`, by [`SUBSAMPLES`] x [`SUBSAMPLES`] samples.
 fn covered_part(map: &EnvMap, k: usize, source: LightSource) -> f64 {
     let (width, height) = (map.width(), map.height());
     let n = SUBSAMPLES;
@@ -123,9 +122,8 @@ fn covered_part(map: &EnvMap, k: usize, source: LightSource) -> f64 {
     inside.count() as f64 / (n * n) as f64
 }
 
-/// Returns `map` with every texel inside of the window of half-sides `half_deg` around `middle` set to `paint(u, v, old)`, where u and v are the
-/// positions in the window from -1 to 1, right and up, and `old` is the radiance of the texel.
-/// -1 to 1, right and up.
+/// Returns `map` with every texel inside of a window set to `paint(u, v, old)`, where u and v are the positions in the window from -1 to 1,
+/// right and up, and `old` is the radiance of the texel. The window has the half-sides `half_deg` around `middle`.
 #[must_use]
 pub fn with_window(
     map: &EnvMap,
@@ -188,7 +186,7 @@ pub fn cloud(d: [f64; 3], drift: f64) -> f64 {
     if d[2] <= 0.02 {
         return 0.0;
     }
-    // The clouds form a flat layer, so that clouds near the horizon are far away and small.
+    // The clouds are a flat layer, so that clouds near the horizon are far away and small.
     let (x, y) = (d[0] / (d[2] + 0.25) + drift, d[1] / (d[2] + 0.25));
     let waves = [(2.1, 0.7, 0.0), (-1.3, 2.6, 1.0), (4.7, -2.2, 2.0), (3.1, 5.3, 4.0), (8.3, 1.9, 5.0)];
     let sum: f64 = waves.iter().map(|(a, b, c)| (a * x + b * y + c).sin() / f64::hypot(*a, *b)).sum();

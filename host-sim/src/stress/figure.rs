@@ -13,7 +13,7 @@ const COLUMNS: usize = 4;
 const LABELS: f64 = 112.0;
 /// Width of the plot of a panel, pixels.
 const PLOT: f64 = 190.0;
-/// Width of the column at the right of a panel, pixels.
+/// Width of the column of figures at the right of a panel, pixels.
 const EXTRA: f64 = 56.0;
 /// Height of the line of a method, pixels.
 const LINE: f64 = 14.0;
@@ -117,7 +117,7 @@ fn median(rows: &[&StressRow], of: impl Fn(&StressRow) -> Option<f64>) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or(f64::INFINITY)
 }
 
-/// Figure that the column at the right of a panel contains.
+/// The figure in the column at the right of a panel.
 #[derive(Clone, Copy)]
 enum Extra {
     Tracking,

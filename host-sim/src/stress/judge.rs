@@ -33,11 +33,11 @@ pub struct StressRow {
     pub step_frames: Option<usize>,
     /// Longest step response of the lights read as discs over the changes of the scenario, frames.
     pub soft_step_frames: Option<usize>,
-    /// Transit energy.
+    /// Transit energy of the switched source, a ratio.
     pub transit: Option<f64>,
     /// Mean over the path of the moving source of the tracking error, degrees.
     pub tracking_deg: Option<f64>,
-    /// Motion noise, degrees per frame.
+    /// Motion noise of the lights, degrees per frame.
     pub motion_noise_deg: Option<f64>,
     /// Largest relative change of a light's radius between successive frames.
     pub radius_change: Option<f64>,
@@ -78,7 +78,7 @@ impl<'a> StressJudge<'a> {
         Self { scenario, references, counted }
     }
 
-    /// Returns all figures of a run.
+    /// Returns all figures of a run of a method over the scenario.
     #[must_use]
     pub fn row(&self, run: &MethodRun) -> StressRow {
         let (scenario, sampler, lights) = (self.scenario.name, run.method.name, run.lights);
@@ -139,7 +139,7 @@ impl<'a> StressJudge<'a> {
         }
     }
 
-    /// Returns the shadowed error of each frame.
+    /// Returns the shadowed error of the light set of each frame.
     fn errors(&self, sets: &[LitSet], reading: Reading) -> Vec<f64> {
         let pairs = self.references.iter().zip(sets);
         match &self.counted {
@@ -150,7 +150,7 @@ impl<'a> StressJudge<'a> {
         }
     }
 
-    /// Returns the flicker of each frame but the first.
+    /// Returns the flicker of the light sets in each frame but the first.
     fn flicker(&self, sets: &[LitSet], reading: Reading) -> Vec<f64> {
         match &self.counted {
             Some(probes) => stability::flicker_among(&self.references, sets, reading, probes),

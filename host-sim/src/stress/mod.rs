@@ -16,7 +16,7 @@ use crate::progress;
 use crate::scenario::{self, Setting};
 use std::path::PathBuf;
 
-/// Numbers of lights of the report.
+/// Numbers of lights with which the report runs each method.
 pub const COUNTS: [usize; 3] = [16, 64, 256];
 
 /// Arguments of `stress`.

@@ -73,7 +73,7 @@ fn quick(core: bool, counts: &[usize]) -> Vec<Vec<StressRow>> {
 #[test]
 fn readme_has_the_number_of_scenarios_in_which_ambient_light_has_the_least_error() {
     let first = |rows: &Vec<StressRow>| {
-        // Lights that are fitted as discs are not read as points here.
+        // Lights that are fitted as discs are not read as points in this test.
         let hard = rows.iter().filter(|row| !row.sampler.ends_with("+soft"));
         let lit = hard.filter_map(|row| Some((row.shadowed?, row.sampler)));
         lit.min_by(|a, b| a.0.total_cmp(&b.0)).is_some_and(|(_, sampler)| sampler == "adaptive+sh")

@@ -24,18 +24,18 @@ use std::path::Path;
 pub struct Lamp {
     /// Direction and radius of the disc.
     pub source: LightSource,
-    /// Linear RGB, normalised to luminance 1.
+    /// Linear RGB colour of the lamp, normalised to luminance 1.
     pub colour: [f64; 3],
-    /// Luminous energy at the mean of the waveform and level 1: sum of Y dOmega.
+    /// Luminous energy of the lamp at the mean of its waveform and level 1: sum of Y dOmega.
     pub flux: f64,
-    /// Waveform and level over time.
+    /// Waveform and level of the lamp over time.
     pub course: Course,
 }
 
 /// A scene: constant light, and light that varies over time.
 #[derive(Clone, Debug)]
 pub struct World {
-    /// Radiance that does not vary.
+    /// Radiance of the scene that does not vary.
     pub still: EnvMap,
     /// Radiance of surfaces under flickering light, at level 1, with the course of the light.
     pub lit: Option<(EnvMap, Course)>,
@@ -60,14 +60,14 @@ impl World {
     }
 }
 
-/// Times at which a camera exposes the frames of its bursts.
+/// The times at which a camera exposes the frames of its bursts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Timing {
-    /// Frames per second.
+    /// Frame rate of the camera, frames per second.
     pub rate_hz: f64,
-    /// Exposure times, ascending, seconds.
+    /// Exposure times of a burst, ascending, seconds.
     pub exposures: Vec<f64>,
-    /// Time from the readout of one row to the next, seconds.
+    /// Time from the readout of one row of a frame to that of the next, seconds.
     pub line_s: f64,
     /// Whether the order of the exposures rotates by one from burst to burst.
     pub rotates: bool,

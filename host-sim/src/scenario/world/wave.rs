@@ -9,26 +9,26 @@ pub enum Wave {
     Steady,
     /// A constant plus a sinusoid; the ripple of an incandescent lamp has a depth of 0.1 to 0.3.
     Sine {
-        /// Periods per second.
+        /// Frequency of the sinusoid, hertz.
         hz: f64,
         /// Amplitude of the sinusoid divided by the mean.
         depth: f64,
     },
     /// A rectified sinusoid, as the light of an LED on a rectifier without a capacitor.
     Rectified {
-        /// Periods per second.
+        /// Frequency of the rectified sinusoid, hertz.
         hz: f64,
     },
     /// The mean of a rectified sinusoid and constant light, as the light of an LED whose phosphor stores light.
     Phosphor {
-        /// Periods per second.
+        /// Frequency of the rectified sinusoid, hertz.
         hz: f64,
     },
-    /// A rectangular wave: light in the share `duty` of each period, darkness in the rest.
+    /// A rectangular wave: light in the fraction `duty` of each period, darkness in the rest.
     Pwm {
-        /// Periods per second.
+        /// Frequency of the rectangular wave, hertz.
         hz: f64,
-        /// Share of the period with light, above 0 and at most 1.
+        /// Fraction of the period with light, above 0 and at most 1.
         duty: f64,
     },
 }
@@ -43,7 +43,7 @@ impl Wave {
         }
     }
 
-    /// Returns the integral of the light from phase 0 to `turns` periods, in periods.
+    /// Returns the integral of the wave's light from phase 0 to `turns` periods, in periods.
     fn integral(self, turns: f64) -> f64 {
         let (whole, part) = (turns.floor(), turns - turns.floor());
         let rectified = whole + 0.5 * (1.0 - (PI * part).cos());
@@ -56,7 +56,7 @@ impl Wave {
         }
     }
 
-    /// Returns the mean light from `start_s` to `end_s`, seconds; `phase` is the phase at time 0, periods.
+    /// Returns the mean light of the wave from `start_s` to `end_s`, seconds; `phase` is the phase at time 0, periods.
     #[must_use]
     pub fn mean(self, phase: f64, start_s: f64, end_s: f64) -> f64 {
         let turns = |s: f64| phase + self.hz() * s;
@@ -64,7 +64,7 @@ impl Wave {
     }
 }
 
-/// Abrupt change of a lamp's level.
+/// Abrupt change of the level of a lamp.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Change {
     /// Time of the change, seconds.
@@ -78,9 +78,9 @@ pub struct Change {
 pub struct Course {
     /// Waveform of the lamp.
     pub wave: Wave,
-    /// Phase at time 0, periods.
+    /// Phase of the waveform at time 0, periods.
     pub phase: f64,
-    /// Changes of the level, ascending in time; the level before the first is 1.
+    /// Changes of the level, ascending in time; the level before the first change is 1.
     pub changes: Vec<Change>,
 }
 
@@ -91,13 +91,13 @@ impl Course {
         Self { wave, phase: 0.0, changes: Vec::new() }
     }
 
-    /// Returns the level at the time `at_s`, seconds.
+    /// Returns the level of the lamp at the time `at_s`, seconds.
     #[must_use]
     pub fn level(&self, at_s: f64) -> f64 {
         self.changes.iter().rev().find(|c| c.at_s <= at_s).map_or(1.0, |c| c.level)
     }
 
-    /// Returns the mean light from `start_s` to `end_s`, seconds.
+    /// Returns the mean light of the lamp from `start_s` to `end_s`, seconds.
     #[must_use]
     pub fn mean(&self, start_s: f64, end_s: f64) -> f64 {
         let inside = self.changes.iter().map(|c| c.at_s).filter(|at| (start_s..end_s).contains(at));
