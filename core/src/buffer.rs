@@ -5,13 +5,13 @@ pub trait Buffer<T>: AsRef<[T]> + AsMut<[T]> {}
 
 impl<T, B: AsRef<[T]> + AsMut<[T]> + ?Sized> Buffer<T> for B {}
 
-/// The error of a lent buffer with too few elements.
+/// The error of a lent buffer that has too few elements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct TooSmall {
-    /// Required number of elements.
+    /// Number of elements that the buffer must have.
     pub needed: usize,
-    /// Number of elements that were lent.
+    /// Number of elements of the lent buffer.
     pub lent: usize,
 }
 
@@ -26,7 +26,7 @@ impl core::error::Error for TooSmall {}
 /// Checks that `buffer` has at least `needed` elements.
 ///
 /// # Errors
-/// [`TooSmall`] with the needed and the lent number of elements.
+/// [`TooSmall`] with the needed and the lent number of elements, if `buffer` has fewer than `needed`.
 pub(crate) fn check<T>(buffer: &impl AsRef<[T]>, needed: usize) -> Result<(), TooSmall> {
     let lent = buffer.as_ref().len();
     if lent < needed { Err(TooSmall { needed, lent }) } else { Ok(()) }

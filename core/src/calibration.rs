@@ -19,21 +19,21 @@ use crate::response::{Curve, Levels, Response, ResponseError};
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Calibration {
-    /// The lens, in pixels of the frame, for mosaic formats as well.
+    /// The lens of the camera, in pixels of the frame, also for mosaic formats.
     pub lens: Lens,
-    /// Format, size and row pitch of a frame.
+    /// Format, size and row pitch of the camera's frames.
     pub layout: Layout,
-    /// Conversion of codes to relative exposure; [`Response::Linear`] by default. Cameras that process their images, such as webcams, need
-    /// [`Response::Srgb`] or a measured [`Response::Polynomial`].
+    /// Conversion of the camera's codes to relative exposure; [`Response::Linear`] by default. Cameras that process their images, such as
+    /// webcams, need [`Response::Srgb`] or a measured [`Response::Polynomial`].
     pub response: Response,
-    /// Codes of black and white; 0 and the largest code of the format by default. For [`Format::Yuyv`] and [`Format::Nv12`] the levels are
+    /// Codes of black and white; 0 and the largest code of the format by default. For [`Format::Yuyv`] and [`Format::Nv12`], the levels are
     /// codes of red, green and blue after the conversion from luma and chroma, 0 to 255 for both ranges of luma.
     pub levels: Levels,
-    /// Radiance of relative exposure 1 at one second and gain 1; 1 by default.
+    /// Radiance that gives relative exposure 1 in one second at gain 1; 1 by default.
     pub scale: f64,
-    /// Factors of red, green and blue radiance; 1 by default.
+    /// Factors by which red, green and blue radiance are multiplied; 1 by default.
     pub white_balance: [f32; 3],
-    /// Whether the codes were compressed with loss, as in JPEG images: the merge then ignores more of the codes near black and white.
+    /// Whether the camera compresses its codes with loss, as in JPEG images: the merge then ignores more of the codes near black and white.
     pub compressed: bool,
 }
 
@@ -86,8 +86,8 @@ impl Calibration {
         Ok(self.in_form(curve))
     }
 
-    /// Marks `curve` for table lookup if the format has chroma (its codes are converted to planes, which the linear loop does not read), and
-    /// as compressed if the calibration is.
+    /// Returns `curve`, marked for table lookup if the format has chroma (codes of chroma formats are converted to planes, which the linear
+    /// loop does not read), and marked as compressed if the calibration is.
     fn in_form<B>(&self, curve: Curve<B>) -> Curve<B> {
         let has_chroma = matches!(self.layout.format(), Format::Yuyv(_) | Format::Nv12(_));
         let curve = if has_chroma { curve.looked_up() } else { curve };

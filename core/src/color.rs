@@ -3,7 +3,7 @@
 /// Weights of linear Rec. 709 red, green and blue in luminance.
 pub const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
-/// Returns the luminance Y = 0.2126 R + 0.7152 G + 0.0722 B.
+/// Returns the luminance Y = 0.2126 R + 0.7152 G + 0.0722 B of linear `rgb`.
 #[must_use]
 pub fn luminance(rgb: [f32; 3]) -> f32 {
     LUMINANCE[0] * rgb[0] + LUMINANCE[1] * rgb[1] + LUMINANCE[2] * rgb[2]
@@ -22,7 +22,7 @@ pub fn add(sum: &mut [f32; 3], rgb: [f32; 3]) {
     }
 }
 
-/// Largest energy of a texel, in any unit: above any real light, and low enough that sums over 2^28 texels are finite.
+/// Largest energy of a channel of a texel, in any unit: above any real light, and low enough that sums over 2^28 texels are finite.
 pub const MAX_ENERGY: f32 = 1e29;
 
 /// Returns `rgb` with negative channels and NaN replaced by 0 and other channels limited to [`MAX_ENERGY`].

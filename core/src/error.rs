@@ -1,4 +1,4 @@
-//! The error type of the front end.
+//! The error type of the front end: reasons why it cannot be created or cannot process a burst.
 
 use crate::buffer::TooSmall;
 use crate::format::LayoutError;
@@ -14,23 +14,23 @@ use crate::response::ResponseError;
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum FrontError {
-    /// Invalid lens parameters.
+    /// The lens parameters are invalid.
     Lens(LensError),
-    /// An invalid frame layout.
+    /// The frame layout is invalid.
     Layout(LayoutError),
-    /// A map order that does not exist.
+    /// The order of the map does not exist.
     Order(BadOrder),
-    /// A response that is not monotone between the levels, or invalid levels.
+    /// The response is not monotone between the levels, or the levels are invalid.
     Response(ResponseError),
-    /// Exposures that cannot be merged, or an invalid radiance scale.
+    /// The exposures cannot be merged, or the radiance scale is invalid.
     Exposures(MergeError),
-    /// A lens, an image size and a map order that do not fit together.
+    /// The lens, the image size and the map order do not fit together.
     PixelTable(PixelTableError),
-    /// A factor of the white balance that is not a positive finite number.
+    /// A factor of the white balance is not a positive finite number.
     BadWhiteBalance,
-    /// Lent memory that is too short; both numbers are 64-bit words.
+    /// The lent memory is too short; both numbers are 64-bit words.
     Memory(TooSmall),
-    /// Frames that do not match the calibration or the exposures.
+    /// The frames do not match the calibration or the exposures.
     Burst(BurstError),
 }
 

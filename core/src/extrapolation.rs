@@ -17,7 +17,7 @@ pub enum Extrapolation {
     Average,
 }
 
-/// Order of the quads that are averaged: 384 quads of 7 degrees, fine enough to separate a lamp from its surroundings.
+/// HEALPix order of the quads whose radiance is averaged: 384 quads of 7 degrees, fine enough to separate a lamp from its surroundings.
 const ORDER: u8 = 3;
 const QUADS: usize = Domain::Hemisphere.quads(ORDER);
 
@@ -38,8 +38,8 @@ pub fn average<Q: Buffer<Quad>>(map: &mut Pyramid<Q>, geometry: &[Texel]) -> [f3
     radiance
 }
 
-/// Returns the mean RGB radiance of quads of order 3 that are at least half inside the field of view: of those quads, ordered by luminance,
-/// the brightest and the darkest quarter are left out.
+/// Returns the mean RGB radiance of the quads of order 3 that are at least half inside the field of view. The brightest and the darkest
+/// quarter of these quads, by luminance, are left out of the mean.
 fn seen_average<Q: Buffer<Quad>>(map: &Pyramid<Q>, geometry: &[Texel]) -> [f32; 3] {
     let view = map.view();
     let below = 1 << (2 * (view.order().get() - ORDER));

@@ -15,13 +15,13 @@ use crate::response::Depth;
 /// The order of colours in the 2 x 2 cells of a Bayer mosaic: the first two pixels of the first two rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pattern {
-    /// Red, green; green, blue.
+    /// The cell has the colours red, green; green, blue.
     Rggb,
-    /// Green, red; blue, green.
+    /// The cell has the colours green, red; blue, green.
     Grbg,
-    /// Green, blue; red, green.
+    /// The cell has the colours green, blue; red, green.
     Gbrg,
-    /// Blue, green; green, red.
+    /// The cell has the colours blue, green; green, red.
     Bggr,
 }
 
@@ -38,7 +38,7 @@ impl Pattern {
     }
 }
 
-/// The coefficients that convert luma and chroma to red, green and blue.
+/// The coefficients by which luma and chroma are converted to red, green and blue.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Matrix {
@@ -49,7 +49,7 @@ pub enum Matrix {
     Bt709,
 }
 
-/// The encoding of luma and chroma.
+/// The encoding of luma and chroma in a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Yuv {
     /// Whether luma is 16 (black) to 235 (white) and chroma 16 to 240; otherwise both are 0 to 255.
@@ -58,7 +58,7 @@ pub struct Yuv {
     pub matrix: Matrix,
 }
 
-/// The packing of samples in memory.
+/// The pixel format of a frame: the packing of its samples in memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Format {
@@ -196,9 +196,9 @@ impl Format {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ImageSize {
-    /// Number of columns.
+    /// Number of columns of the image.
     pub width: u32,
-    /// Number of rows.
+    /// Number of rows of the image.
     pub height: u32,
 }
 
@@ -209,24 +209,24 @@ pub struct Layout {
     width: u32,
     height: u32,
     bytes_per_line: usize,
-    /// Binary logarithm of [`Layout::bin`]: the average over a bin divides by a shift.
+    /// Binary logarithm of [`Layout::bin`], by which the sum over a bin is shifted to give the average.
     bin_log2: u32,
 }
 
-/// The reason why a layout is refused.
+/// The reason why a frame layout is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum LayoutError {
-    /// An image without pixels, or with more than 2^26 pixels.
+    /// The image has no pixels, or more than 2^26.
     BadSize,
-    /// An odd number of columns or rows for a format whose samples are shared by pairs of columns or rows.
+    /// The number of columns or rows is odd in a format whose samples are shared by pairs of columns or rows.
     OddSize,
-    /// A row pitch below the number of bytes of a row's pixels, above 2^20 bytes, or odd for 16-bit samples.
+    /// The row pitch is below the number of bytes of a row's pixels, above 2^20 bytes, or odd for 16-bit samples.
     BadLine {
-        /// Row pitch, bytes.
+        /// Row pitch that was found, bytes.
         found: usize,
-        /// Number of bytes of a row's pixels.
+        /// Number of bytes of the pixels of a row.
         expected: usize,
     },
 }
@@ -295,7 +295,7 @@ impl Layout {
         }
     }
 
-    /// Returns the number of mosaic cells per merged pixel on each side; 1 unless [`Layout::binned`].
+    /// Returns the number of mosaic cells that form one merged pixel on each side; 1 unless the layout was made by [`Layout::binned`].
     #[must_use]
     pub const fn bin(&self) -> u32 {
         1 << self.bin_log2
@@ -306,19 +306,19 @@ impl Layout {
         self.bin_log2
     }
 
-    /// Returns the pixel format.
+    /// Returns the pixel format of the frames.
     #[must_use]
     pub const fn format(&self) -> Format {
         self.format
     }
 
-    /// Returns the number of image columns.
+    /// Returns the number of columns of the frames.
     #[must_use]
     pub const fn width(&self) -> u32 {
         self.width
     }
 
-    /// Returns the number of image rows.
+    /// Returns the number of rows of the frames.
     #[must_use]
     pub const fn height(&self) -> u32 {
         self.height
@@ -330,7 +330,7 @@ impl Layout {
         self.bytes_per_line
     }
 
-    /// Returns the smallest number of bytes of a frame; the last row needs no padding.
+    /// Returns the smallest number of bytes that a frame may have; the last row needs no padding.
     #[must_use]
     pub const fn frame_bytes(&self) -> usize {
         let rows = match self.format {
@@ -340,8 +340,8 @@ impl Layout {
         (rows - 1).saturating_mul(self.bytes_per_line).saturating_add(self.format.line_bytes(self.width))
     }
 
-    /// Returns the smallest number of samples of a frame in the units of [`Samples`](crate::Samples): words for [`Format::Rgb48`], bytes for
-    /// all other formats.
+    /// Returns the smallest number of samples that a frame may have, in the units of [`Samples`](crate::Samples): words for
+    /// [`Format::Rgb48`], bytes for all other formats.
     #[must_use]
     pub const fn frame_samples(&self) -> usize {
         match self.format {
@@ -350,8 +350,8 @@ impl Layout {
         }
     }
 
-    /// Returns the size of the merged image: the size of the frame or, for a Bayer mosaic, half of it on each side, since each 2 x 2 cell becomes
-    /// one RGB pixel, divided by [`Layout::bin`].
+    /// Returns the size of the merged image: the size of the frame or, for a Bayer mosaic, half of it divided by [`Layout::bin`] on each side,
+    /// since a bin of 2 x 2 cells becomes one RGB pixel.
     #[must_use]
     pub const fn merged_size(&self) -> ImageSize {
         match self.format.pattern() {
@@ -364,12 +364,12 @@ impl Layout {
     }
 }
 
-/// Unpacks four samples of 10 bits; the even and the odd samples are assembled in the halves of two words.
+/// Unpacks four samples of 10 bits from five bytes; the even and the odd samples are assembled in the halves of two words.
 #[inline(always)]
 pub(crate) fn raw10(group: &[u8; 5]) -> [u16; 4] {
     let upper = group.first_chunk().map_or(0, |four| u32::from_le_bytes(*four));
     let low = u32::from(group[4]);
-    // The low bits of each byte hold two bits of each sample.
+    // The low bits of each byte then contain two bits of each sample.
     let low = low | low << 6;
     let low = low | low << 12;
     let even = (upper & 0x00ff_00ff) << 2 | low & 0x0003_0003;
@@ -377,7 +377,7 @@ pub(crate) fn raw10(group: &[u8; 5]) -> [u16; 4] {
     [even as u16, odd as u16, (even >> 16) as u16, (odd >> 16) as u16]
 }
 
-/// Unpacks two samples of 12 bits.
+/// Unpacks two samples of 12 bits from three bytes.
 #[inline(always)]
 pub(crate) fn raw12(&[a, b, low]: &[u8; 3]) -> [u16; 2] {
     let low = u16::from(low);

@@ -45,7 +45,7 @@ pub struct FrontEnd<B> {
 /// A function that fills the part of a map outside of the field of view.
 type Extrapolate = fn(&mut Pyramid<&mut [Quad]>, &[Texel]);
 
-/// The state of a front end without its buffer; not generic, so that it is compiled once for all types of buffer.
+/// The state of a front end without its buffer. The type is not generic, so that its functions are compiled once for all types of buffer.
 #[derive(Clone, Debug)]
 struct FrontEndState {
     calibration: Calibration,
@@ -219,7 +219,7 @@ impl<B: Buffer<u64>> FrontEnd<B> {
         Order::saturating(self.state.pixel_table.source_order())
     }
 
-    /// Returns the number of elements in use of each buffer.
+    /// Returns the number of elements in use of each buffer of the front end.
     #[must_use]
     pub fn sizes(&self) -> Sizes {
         self.state.sizes
@@ -295,7 +295,7 @@ impl FrontEndState {
         coverage
     }
 
-    /// Returns the stages of a burst over `memory`.
+    /// Returns the stages of a burst, which read and write `memory`.
     fn stages<'m>(&'m self, memory: &'m mut [u64]) -> Stages<'m> {
         let parts = Parts::divide(memory, &self.sizes);
         let tables =

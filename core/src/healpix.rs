@@ -28,7 +28,7 @@ pub struct Order(u8);
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct BadOrder {
-    /// The refused order.
+    /// The order that was refused.
     pub found: u8,
 }
 
@@ -61,7 +61,7 @@ impl Order {
         if order > Self::MAX.0 { Self::MAX } else { Self(order) }
     }
 
-    /// Returns the order as a number.
+    /// Returns this order as a number.
     #[must_use]
     pub const fn get(self) -> u8 {
         self.0
@@ -88,12 +88,12 @@ impl core::fmt::Display for Order {
     }
 }
 
-/// Returns the number of index bits inside a base face: twice the order.
+/// Returns the number of bits of a quad's index inside a base face: twice the order.
 const fn inner_bits(order: u8) -> u32 {
     2 * Order::saturating(order).0 as u32
 }
 
-/// Returns the number of quads along a side of a base face.
+/// Returns the number of quads of `order` along a side of a base face.
 const fn side(order: u8) -> u32 {
     1 << Order::saturating(order).0
 }
@@ -141,7 +141,7 @@ impl Domain {
         }
     }
 
-    /// Returns the share of quad `ipix` that lies inside the domain: 0, 1/2 or 1.
+    /// Returns the fraction of quad `ipix` that lies inside this domain: 0, 1/2 or 1.
     #[must_use]
     pub fn share(self, order: u8, ipix: u32) -> f64 {
         if self == Self::Sphere {
@@ -160,7 +160,7 @@ impl Domain {
     }
 }
 
-/// Returns the solid angle of a quad: 4 pi / (12 * 4^order) steradians.
+/// Returns the solid angle of a quad of `order`: 4 pi / (12 * 4^order) steradians.
 #[must_use]
 pub fn solid_angle(order: u8) -> f64 {
     PI / 3.0 / f64::from(1u32 << inner_bits(order))
@@ -170,11 +170,11 @@ pub fn solid_angle(order: u8) -> f64 {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct FaceCell {
-    /// Base face, 0..=11.
+    /// Base face of the quad, 0..=11.
     pub face: u32,
-    /// Column in the face, counted towards north-east.
+    /// Column of the quad in the face, counted towards north-east.
     pub x: u32,
-    /// Row in the face, counted towards north-west.
+    /// Row of the quad in the face, counted towards north-west.
     pub y: u32,
 }
 
@@ -212,7 +212,7 @@ pub fn ipix(order: u8, direction: DVec3) -> u32 {
     let turns = libm::fmod(phi / FRAC_PI_2 + 4.0, 4.0);
     let cell = |v: f64| (v as u32).min(last);
     if za <= 2.0 / 3.0 {
-        // Equatorial belt: count the ascending and the descending edge lines.
+        // In the equatorial belt, the ascending and the descending edge lines are counted.
         let descending = (nside * (0.5 + turns - 0.75 * z)) as u32;
         let ascending = (nside * (0.5 + turns + 0.75 * z)) as u32;
         let (fd, fa) = (descending >> order, ascending >> order);
@@ -249,7 +249,7 @@ pub fn point(order: u8, ipix: u32, x: f64, y: f64) -> DVec3 {
     DVec3::new(circle.sin_theta * libm::cos(phi), circle.sin_theta * libm::sin(phi), circle.z)
 }
 
-/// A circle of latitude within a face: the points with equal sums of face coordinates.
+/// A circle of latitude within a base face: the points whose face coordinates have equal sums.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Circle {
     /// z coordinate of the circle on the unit sphere.

@@ -9,7 +9,7 @@ use crate::tally::Tally;
 pub struct Lanes {
     pub(crate) pick: Pick,
     scale: [f32; 3],
-    /// Conversion of integer sums of codes; `None` if the texels have none.
+    /// Conversion of the texels' integer sums of codes; `None` if the texels have none.
     pub(crate) tally: Option<Tally>,
 }
 
@@ -48,13 +48,13 @@ impl Lanes {
         Self { tally, ..self }
     }
 
-    /// The sums of `quad` per lane.
+    /// Returns the sums of `quad` per lane.
     #[inline]
     pub(crate) fn sums(&self, quad: &Quad) -> [f32; 4] {
         self.tally.as_ref().map_or(quad.energy, |tally| tally.settled(quad))
     }
 
-    /// Multiplies counts of red, green and blue by the energy per count.
+    /// Returns counts of red, green and blue multiplied by the energy per count.
     #[inline]
     pub(crate) fn scaled(&self, rgb: [f32; 3]) -> [f32; 3] {
         core::array::from_fn(|c| rgb[c] * self.scale[c])

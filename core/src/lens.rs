@@ -122,9 +122,9 @@ pub struct Intrinsics {
     pub focal_px: DVec2,
     /// Skew: columns per unit of the normalised row coordinate.
     pub skew_px: f64,
-    /// Half-angle of the field of view: angle between the lens axis and the edge, radians.
+    /// Half-angle of the field of view: the angle between the lens axis and the edge of the field, radians.
     pub max_theta: f64,
-    /// Relative illumination as a polynomial in theta (radians), constant first; `[1.0, 0.0, ..]` without vignetting.
+    /// Relative illumination as a polynomial in theta (radians), constant first; `[1.0, 0.0, ..]` for a lens without vignetting.
     pub vignetting: [f64; 8],
 }
 
@@ -135,7 +135,7 @@ pub struct Lens {
     max_r: f64,
 }
 
-/// Number of angles at which monotonicity is checked: steps of at most a quarter of a degree.
+/// Number of angles of the field of view at which monotonicity is checked: steps of at most a quarter of a degree.
 const MONOTONE_STEPS: u32 = 720;
 
 impl Lens {
@@ -252,7 +252,7 @@ impl Lens {
         Some(ratio / slope / (self.p.focal_px.x * self.p.focal_px.y))
     }
 
-    /// Returns the normalised image coordinates of `pixel`, in focal lengths from the principal point.
+    /// Returns the normalised image coordinates of `pixel`: its offset from the principal point in focal lengths.
     fn normalised(&self, pixel: DVec2) -> DVec2 {
         let d = pixel - self.p.centre_px;
         let y = d.y / self.p.focal_px.y;
@@ -285,7 +285,8 @@ impl Lens {
     }
 }
 
-/// Returns the distance of the image from the principal point, r(theta), in focal lengths.
+/// Returns the distance from the principal point, r(theta), of the image of a direction at the angle `theta` from the axis, in focal
+/// lengths.
 fn radius(model: &Model, theta: f64) -> f64 {
     match *model {
         Model::Equidistant => theta,

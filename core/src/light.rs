@@ -15,7 +15,7 @@ pub struct Light {
     pub direction: Vec3,
     /// Perpendicular irradiance, linear RGB: the sum of radiance times solid angle over the region that the light represents.
     pub irradiance: [f32; 3],
-    /// Angular radius, degrees, of the uniform spherical cap whose angular variance is that of the region.
+    /// Angular radius, degrees, of the uniform spherical cap that has the angular variance of the region that the light represents.
     pub radius_deg: f32,
     /// Number of frames since the frame in which the light appeared.
     pub age: u32,
@@ -52,11 +52,11 @@ impl Light {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Decomposition<'a> {
-    /// The lights, at most as many as were requested.
+    /// The lights of the frame, at most as many as were requested.
     pub lights: &'a [Light],
     /// Radiance that the directional lights do not represent, as spherical harmonics; `None` where it was not requested.
     pub ambient: Option<Sh9>,
-    /// Estimate of the shadowed error, a ratio; `None` for samplers without one.
+    /// Estimate of the shadowed error of the lights, a ratio; `None` for samplers without an estimate.
     pub estimated_error: Option<f32>,
 }
 

@@ -30,9 +30,9 @@ use glam::DVec3;
 /// Size and domain of a latitude-longitude map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Grid {
-    /// Number of columns.
+    /// Number of columns of the map.
     pub width: usize,
-    /// Number of rows.
+    /// Number of rows of the map.
     pub height: usize,
     /// The part of the sphere that the map covers.
     pub domain: Domain,
@@ -42,7 +42,7 @@ impl Grid {
     /// The grid with one texel per degree of a hemisphere, as in \[Nikodym2012\].
     pub const POLAR: Self = Self { width: 360, height: 90, domain: Domain::Hemisphere };
 
-    /// Returns the number of texels; `usize::MAX` on overflow.
+    /// Returns the number of texels of the map; `usize::MAX` on overflow.
     #[must_use]
     pub const fn len(&self) -> usize {
         self.width.saturating_mul(self.height)
@@ -61,7 +61,7 @@ impl Grid {
         row as f64 * span / self.height as f64
     }
 
-    /// Returns whether the map has texels and their indices fit 32 bits.
+    /// Returns whether the map has texels and the indices of its texels fit 32 bits.
     fn is_indexable(&self) -> bool {
         !self.is_empty() && u32::try_from(self.len()).is_ok()
     }
@@ -72,7 +72,7 @@ impl Grid {
         PI - column as f64 * TAU / self.width as f64
     }
 
-    /// Returns the solid angle, steradians, of a texel of `row`.
+    /// Returns the solid angle, steradians, of a texel in row `row`.
     #[must_use]
     pub fn solid_angle(&self, row: usize) -> f64 {
         (libm::cos(self.theta(row)) - libm::cos(self.theta(row.saturating_add(1)))) * TAU / self.width as f64
@@ -103,7 +103,7 @@ impl Grid {
         (!outside && self.is_indexable()).then(|| (row as usize).min(self.height - 1))
     }
 
-    /// Returns the column that contains `phi`, -pi to 2 pi.
+    /// Returns the column that contains the azimuth `phi`, -pi to 2 pi.
     fn column(&self, phi: f64) -> usize {
         let turns = (PI - phi) / TAU;
         let column = if turns < 0.0 { turns + 1.0 } else { turns } * self.width as f64;
@@ -121,7 +121,7 @@ pub struct LatLong<B> {
 /// A borrowed latitude-longitude map: the input of samplers.
 #[derive(Clone, Copy, Debug)]
 pub struct LatLongView<'a> {
-    /// Size and domain.
+    /// Size of the map and part of the sphere that it covers.
     pub grid: Grid,
     /// Energy of each texel, row by row; empty in a map for samplers that do not read it.
     pub texels: &'a [[f32; 3]],
@@ -142,12 +142,12 @@ impl<B: Buffer<[f32; 3]>> LatLong<B> {
         Ok(Self { grid, texels })
     }
 
-    /// Returns all texels, row by row.
+    /// Returns all texels of the map, row by row.
     pub fn texels_mut(&mut self) -> &mut [[f32; 3]] {
         self.texels.as_mut().get_mut(..self.grid.len()).unwrap_or_default()
     }
 
-    /// Returns size and domain.
+    /// Returns the size of the map and the part of the sphere that it covers.
     #[must_use]
     pub fn grid(&self) -> Grid {
         self.grid
@@ -184,7 +184,7 @@ pub struct Share {
     pub from: u32,
     /// Index of the texel of the latitude-longitude map.
     pub to: u32,
-    /// Fraction of the energy, 0..=1; the fractions of one quad add up to 1.
+    /// Fraction of the quad's energy that the texel gets, 0..=1; the fractions of one quad add up to 1.
     pub part: f32,
 }
 
@@ -199,8 +199,8 @@ pub struct PolarTable<E> {
 /// Largest number of sub-samples along a side of a quad: near the zenith a quad spans a quarter turn of columns.
 const MAX_SIDE: u32 = 64;
 
-/// Number of sub-samples per column or row that a quad crosses: with 5, a uniform sky is uniform within a few per cent; a larger number
-/// takes longer to compute.
+/// Number of sub-samples per column or row of the map that a quad crosses: with 5, a uniform sky is uniform within a few per cent; a larger
+/// number takes longer to compute.
 const FINENESS: f64 = 5.0;
 
 /// Returns the number of sub-samples along a side of a quad, so that each column that the quad crosses gets sub-samples.
@@ -245,7 +245,7 @@ fn visit(grid: &Grid, order: u8, face: u32, mut f: impl FnMut(Share)) {
     }
 }
 
-/// Returns the number of adjacent base faces whose shares differ by a rotation only: four if a quarter turn is a whole number of columns.
+/// Returns the number of adjacent base faces whose shares differ only by a rotation: four if a quarter turn is a whole number of columns.
 fn alike(grid: &Grid) -> u32 {
     if grid.width.is_multiple_of(4) { 4 } else { 1 }
 }
@@ -267,7 +267,7 @@ pub fn shares_len(grid: &Grid, order: Order) -> usize {
 }
 
 impl Share {
-    /// Returns the share rotated by `quarters` of a turn: the azimuth increases with the face and decreases with the column.
+    /// Returns this share rotated by `quarters` quarter turns: the azimuth increases with the face and decreases with the column.
     fn turned(self, grid: &Grid, order: u8, quarters: u32) -> Self {
         let width = (grid.width as u64).max(1);
         let (row, column) = (u64::from(self.to) / width, u64::from(self.to) % width);

@@ -53,7 +53,7 @@ pub const fn pyramid_len(domain: Domain, order: Order) -> usize {
     first(domain, order.get() + 1)
 }
 
-/// Returns the index of the first quad of `order`: faces (4^order - 1) / 3.
+/// Returns the index in the pyramid of the first quad of `order`: faces (4^order - 1) / 3.
 pub(crate) const fn first(domain: Domain, order: u8) -> usize {
     domain.faces() * (((1 << (2 * order)) - 1) / 3)
 }
@@ -90,13 +90,13 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
         Self { quads, domain, order: order.get() }
     }
 
-    /// Returns the quads of the finest order.
+    /// Returns the quads of the finest order of the map.
     #[must_use]
     pub fn texels(&self) -> &[Quad] {
         self.view().quads_of(self.order)
     }
 
-    /// Returns the quads of the finest order for writing. Call [`Pyramid::build`] after changing them.
+    /// Returns the quads of the finest order of the map for writing. Call [`Pyramid::build`] after changing them.
     pub fn texels_mut(&mut self) -> &mut [Quad] {
         let at = first(self.domain, self.order)..first(self.domain, self.order + 1);
         self.quads.as_mut().get_mut(at).unwrap_or_default()
@@ -111,7 +111,7 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
         quads
     }
 
-    /// The quads of `order` (at most the finest), whose sums [`Pyramid::finish`] converts.
+    /// Returns the quads of `order` (at most the finest), whose sums [`Pyramid::finish`] converts to energy.
     pub(crate) fn sums_mut(&mut self, order: u8) -> &mut [Quad] {
         let order = order.min(self.order);
         let at = first(self.domain, order)..first(self.domain, order + 1);
@@ -189,7 +189,7 @@ fn sum_up(quads: &mut [Quad], domain: Domain, order: u8) {
     }
 }
 
-/// The quads of one order.
+/// The quads of one order of a map.
 #[derive(Clone, Copy)]
 struct OrderQuads<'a> {
     order: u8,
@@ -202,7 +202,7 @@ fn share_out(domain: Domain, coarse: OrderQuads<'_>, fine: u8, texels: &mut [Qua
     let shift = 2 * (fine - order);
     let equal = 1.0 / (1u32 << shift) as f32;
     for (sum, (ancestor, below)) in sums.iter().zip(texels.chunks_exact_mut(1 << shift).enumerate()) {
-        // Quads that lie wholly inside the domain are divided equally.
+        // Quads that lie wholly inside of the domain are divided equally among their texels.
         let whole = domain.share(order, ancestor as u32);
         for (i, quad) in below.iter_mut().enumerate() {
             let share = if whole == 0.5 {
@@ -273,7 +273,7 @@ impl<'a> PyramidView<'a> {
         self.domain
     }
 
-    /// Returns the order of the texels.
+    /// Returns the HEALPix order of the texels.
     #[must_use]
     pub fn order(&self) -> Order {
         Order::saturating(self.order)

@@ -9,7 +9,7 @@ use glam::Vec3;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Quad {
-    /// Energy: radiance times solid angle, summed over the quad, for red, green, blue and luminance.
+    /// Energy of the quad: radiance times solid angle, summed over the quad, for red, green, blue and luminance.
     pub energy: [f32; 4],
     /// First moment: luminance energy times unit direction, summed over the quad; the fourth element is unused.
     pub moment: [f32; 4],
@@ -28,7 +28,7 @@ impl Quad {
         Self { energy: [rgb[0], rgb[1], rgb[2], y], moment: [m.x, m.y, m.z, 0.0] }
     }
 
-    /// Adds the energy and the first moment of `other`.
+    /// Adds the energy and the first moment of `other` to those of this quad.
     #[inline]
     pub fn add(&mut self, other: &Self) {
         for i in 0..4 {
@@ -37,28 +37,29 @@ impl Quad {
         }
     }
 
-    /// Returns the red, green and blue energy.
+    /// Returns the red, green and blue energy of the quad.
     #[must_use]
     #[inline]
     pub fn rgb(&self) -> [f32; 3] {
         [self.energy[0], self.energy[1], self.energy[2]]
     }
 
-    /// Returns the luminance energy.
+    /// Returns the luminance energy of the quad.
     #[must_use]
     #[inline]
     pub fn y(&self) -> f32 {
         self.energy[3]
     }
 
-    /// Returns the first moment of the luminance.
+    /// Returns the first moment of the quad's luminance energy.
     #[must_use]
     #[inline]
     pub fn first_moment(&self) -> Vec3 {
         Vec3::new(self.moment[0], self.moment[1], self.moment[2])
     }
 
-    /// Returns the mean direction: first moment divided by luminance energy, not normalised; the zero vector for a quad without light.
+    /// Returns the mean direction of the quad's light: first moment divided by luminance energy, not normalised; the zero vector for a quad
+    /// without light.
     ///
     /// The first moment is divided before a length is computed, so that the length neither underflows nor overflows for any unit of light.
     #[must_use]
@@ -67,7 +68,7 @@ impl Quad {
         if self.y() > 0.0 { self.first_moment() / self.y() } else { Vec3::ZERO }
     }
 
-    /// Returns the angular variance: 1 minus the length of the mean direction; 0 for a quad without light.
+    /// Returns the angular variance of the quad's light: 1 minus the length of the mean direction; 0 for a quad without light.
     #[must_use]
     #[inline]
     pub fn variance(&self) -> f32 {
@@ -80,7 +81,7 @@ impl Quad {
         }
     }
 
-    /// Returns whether all sums are finite and the energies non-negative.
+    /// Returns whether all numbers of the quad are finite and its energies are not negative.
     #[inline]
     pub(crate) fn is_sound(&self) -> bool {
         let energies = self.energy.iter().fold(true, |sound, e| sound & (0.0..=2.0 * MAX_ENERGY).contains(e));

@@ -3,10 +3,10 @@
 use core::f64::consts::TAU;
 use glam::Vec3;
 
-/// Number of open receivers.
+/// Number of open receivers of the error metric.
 pub const OPEN: usize = 768;
 
-/// Number of shadowed receivers.
+/// Number of shadowed receivers of the error metric.
 pub const SHADOWED: usize = 512;
 
 /// A receiver with an occluding cone: light from directions inside the cone does not reach it.
@@ -14,9 +14,9 @@ pub const SHADOWED: usize = 512;
 pub struct Shadowed {
     /// Normal of the receiver, a unit vector.
     pub normal: Vec3,
-    /// Unit axis of the cone.
+    /// Axis of the occluding cone, a unit vector.
     pub axis: Vec3,
-    /// Half-angle of the cone, radians: 10 to 60 degrees.
+    /// Half-angle of the occluding cone, radians: 10 to 60 degrees.
     pub half_angle: f64,
 }
 

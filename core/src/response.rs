@@ -14,7 +14,7 @@
 
 use crate::buffer::{self, Buffer, TooSmall};
 
-/// Fraction bits of a tabulated relative exposure: 1.0 is `1 << CURVE_BITS`.
+/// Number of fraction bits of a tabulated relative exposure: 1.0 is `1 << CURVE_BITS`.
 ///
 /// The sum of twelve values up to 1.05 fits an `i32`: 12 * 1.05 * 2^27 < 2^31.
 pub const CURVE_BITS: u32 = 27;
@@ -22,22 +22,22 @@ pub const CURVE_BITS: u32 = 27;
 /// Relative code (0 at black, 1 at white) at and above which a sample counts as saturated.
 ///
 /// Sensors are non-linear just below their largest code, and demosaicing or compression spreads clipped values. A higher limit admits
-/// partly clipped samples, which darkens lamps; a lower limit wastes range.
+/// partly clipped samples, which darken lamps; a lower limit wastes range.
 pub const SATURATED: f64 = 0.98;
 
 /// Relative code below which a sample of a non-linear response is used only if no longer exposure is valid.
 ///
-/// In this range the response is fitted to few codes of quantised, noisy data, and its constant term can exceed the true exposure. A lower
-/// limit makes dark regions too bright; a higher limit discards useful samples.
+/// Below this code, the response is fitted to few codes of quantised, noisy data, and its constant term can exceed the true exposure. A
+/// lower limit makes dark regions too bright; a higher limit discards useful samples.
 pub const TRUSTED: f64 = 16.0 / 255.0;
 
-/// [`SATURATED`] of codes that were compressed with loss: ringing of JPEG spreads clipped values by some 4 % at quality 85.
+/// The limit [`SATURATED`] for codes that were compressed with loss: ringing of JPEG spreads clipped values by some 4 % at quality 85.
 pub const SATURATED_COMPRESSED: f64 = 0.95;
 
-/// [`TRUSTED`] of codes that were compressed with loss: below it a step of the quantisation exceeds a tenth of the code.
+/// The limit [`TRUSTED`] for codes that were compressed with loss: below it, a step of the quantisation exceeds a tenth of the code.
 pub const TRUSTED_COMPRESSED: f64 = 28.0 / 255.0;
 
-/// The codes of relative exposure 0 and 1.
+/// The codes of relative exposure 0 (black) and 1 (white).
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Levels {
@@ -79,7 +79,7 @@ impl Response {
     }
 }
 
-/// Returns the value at `x` of a polynomial with the given Bernstein coefficients, by de Casteljau's algorithm.
+/// Returns the value at `x` of the polynomial with the Bernstein coefficients `coefficients`, by de Casteljau's algorithm.
 fn bernstein(coefficients: &[f64; 9], x: f64) -> f64 {
     let mut c = *coefficients;
     for used in (1..c.len()).rev() {
@@ -126,14 +126,14 @@ impl core::error::Error for ResponseError {}
 /// Number of bits of an unpacked sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Depth {
-    /// Codes of 8 bits.
+    /// Samples have 8 bits.
     U8,
-    /// Codes of 16 bits.
+    /// Samples have 16 bits.
     U16,
 }
 
 impl Depth {
-    /// Returns the largest code.
+    /// Returns the largest code of a sample of this depth.
     #[must_use]
     pub const fn max(self) -> u32 {
         match self {
@@ -142,7 +142,7 @@ impl Depth {
         }
     }
 
-    /// Returns the number of table entries per channel: one per code of up to 12 bits, plus one for interpolation.
+    /// Returns the number of table entries per channel of a curve: one per code of up to 12 bits, plus one for interpolation.
     const fn entries(self) -> usize {
         match self {
             Self::U8 => 257,
@@ -158,9 +158,9 @@ pub struct Curve<B> {
     depth: Depth,
     /// Right shift from a code to its table entry: 0 for codes of up to 12 bits; finer codes are interpolated.
     shift: u32,
-    /// Smallest saturated code.
+    /// Smallest code that counts as saturated.
     saturated: u32,
-    /// Smallest trusted code.
+    /// Smallest code that counts as trusted.
     trusted: u32,
     /// The codes at which relative exposure is 0 (black) and 1 (white).
     levels: Levels,
@@ -174,7 +174,7 @@ pub const fn curve_len(depth: Depth) -> usize {
 }
 
 impl Curve<()> {
-    /// Computes the constants of the curve, without its table.
+    /// Computes the constants of the curve for `response`, without its table.
     ///
     /// # Errors
     /// [`ResponseError::BadLevels`] for levels that do not ascend or exceed the samples.
@@ -259,13 +259,13 @@ impl<B> Curve<B> {
         Curve { table, depth, shift, saturated, trusted, levels, linear }
     }
 
-    /// Returns the curve for codes that were compressed with loss: its limits of saturated and trusted codes are narrower.
+    /// Returns this curve for codes that were compressed with loss: its limits of saturated and trusted codes are narrower.
     pub(crate) fn compressed(self) -> Self {
         let trusted = if self.linear { 0 } else { self.levels.code(TRUSTED_COMPRESSED) };
         Self { trusted, saturated: self.levels.code(SATURATED_COMPRESSED), ..self }
     }
 
-    /// The curve without saturated codes: saturation is found apart from the conversion.
+    /// Returns this curve without saturated codes, for a merge in which saturation is found separately.
     pub(crate) fn unsaturated(self) -> Self {
         Self { saturated: u32::MAX, ..self }
     }
@@ -289,23 +289,23 @@ impl<B> Curve<B> {
         Self { linear: false, ..self }
     }
 
-    /// Returns the smallest saturated code.
+    /// Returns the smallest code that counts as saturated.
     #[must_use]
     pub fn saturated(&self) -> u32 {
         self.saturated
     }
 
-    /// The table of the curve.
+    /// Returns the table of the curve.
     pub(crate) fn into_table(self) -> B {
         self.table
     }
 
-    /// The smallest trusted code.
+    /// Returns the smallest code that counts as trusted.
     pub(crate) fn trusted(&self) -> u32 {
         self.trusted
     }
 
-    /// Returns black and white level of a linear response; `None` for any other.
+    /// Returns the black and white level of a linear response; `None` for any other response.
     #[must_use]
     pub fn linear_levels(&self) -> Option<Levels> {
         self.linear.then_some(self.levels)
@@ -318,7 +318,7 @@ impl<B> Curve<B> {
     }
 }
 
-/// Tabulates one channel; returns `None` if the curve is not finite, decreases or leaves 0..1.05.
+/// Tabulates `response` for one channel in `row`; returns `None` if the response is not finite, decreases or leaves 0..1.05.
 fn fill_row(response: &Response, channel: usize, row: &mut [i32], x: impl Fn(usize) -> f64) -> Option<()> {
     let mut last = f64::NEG_INFINITY;
     for (i, entry) in row.iter_mut().enumerate() {

@@ -1,8 +1,8 @@
-//! Square roots without a library call: the code is vectorised, whereas the library's root on ARMv7 is a loop over bits.
+//! Square roots without a library call. The code is vectorised, whereas the root of the library for ARMv7 is a loop over bits.
 
 use glam::Vec3;
 
-/// Number of Newton steps on the reciprocal root; two steps give a relative error of 5e-6.
+/// Number of Newton steps for a reciprocal root; two steps give a relative error of 5e-6.
 const STEPS: usize = 2;
 
 /// Returns 1 / sqrt(v) of a positive, normal number within a relative error of 5e-6: the exponent is halved, then Newton steps follow.

@@ -15,9 +15,9 @@ use core::mem::{size_of, take};
 pub struct BufferSize {
     /// Name of the buffer in reports.
     pub name: &'static str,
-    /// Number of elements in the buffer.
+    /// Number of elements of the buffer.
     pub count: usize,
-    /// Bytes per element.
+    /// Size of an element of the buffer, bytes.
     pub element_bytes: usize,
 }
 
@@ -28,19 +28,19 @@ impl BufferSize {
         Self { name, count, element_bytes: size_of::<T>() }
     }
 
-    /// Returns the number of bytes of all elements.
+    /// Returns the size of the buffer, bytes.
     #[must_use]
     pub const fn bytes(&self) -> usize {
         self.count.saturating_mul(self.element_bytes)
     }
 
-    /// Returns the number of 64-bit words that hold all elements.
+    /// Returns the number of 64-bit words that hold all elements of the buffer.
     const fn words(&self) -> usize {
         self.bytes().div_ceil(WORD)
     }
 }
 
-/// Bytes per word of the lent memory.
+/// Number of bytes per word of the lent memory.
 const WORD: usize = size_of::<u64>();
 
 /// Number of elements of each buffer of a [`FrontEnd`](crate::FrontEnd).
@@ -60,21 +60,21 @@ const WORD: usize = size_of::<u64>();
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub struct Sizes {
-    /// Quads of all orders of the map: 32 bytes each.
+    /// Number of quads of all orders of the map: 32 bytes each.
     pub quads: usize,
-    /// Texels of the map, with their geometry: 16 bytes each.
+    /// Number of texels of the map, with their geometry: 16 bytes each.
     pub texels: usize,
-    /// Image rows, with the range of columns inside the image circle: 8 bytes each.
+    /// Number of image rows, with the range of columns inside the image circle: 8 bytes each.
     pub spans: usize,
-    /// Entries of the tabulated response: 4 bytes each.
+    /// Number of entries of the tabulated response: 4 bytes each.
     pub curve: usize,
-    /// Runs of adjacent pixels with a common texel and weight: 4 bytes each.
+    /// Number of runs of adjacent pixels with a common texel and weight: 4 bytes each.
     pub runs: usize,
-    /// Weights of runs: 2 bytes each.
+    /// Number of weights of runs: 2 bytes each.
     pub weights: usize,
-    /// Reciprocals of sums of exposure times: 8 bytes each.
+    /// Number of reciprocals of sums of exposure times: 8 bytes each.
     pub reciprocals: usize,
-    /// Entries of the exposure tables: 4 bytes each.
+    /// Number of entries of the exposure tables: 4 bytes each.
     pub tables: usize,
 }
 
@@ -116,7 +116,8 @@ impl Sizes {
         Self { reciprocals: merge.reciprocals, tables: merge.tables, ..self }
     }
 
-    /// Returns the sizes with the largest number of runs that fits into `words` of 64 bits beside the buffers of fixed size.
+    /// Returns these sizes with the largest number of runs that fits into `words` words of 64 bits in addition to the buffers of fixed
+    /// size.
     pub(crate) fn with_most_runs(self, words: usize) -> Self {
         let left = words.saturating_sub(self.words());
         let with = |runs| Self { runs, weights: runs, ..self };
@@ -126,7 +127,7 @@ impl Sizes {
         fitting.into_iter().find(|sizes| sizes.words() <= words).unwrap_or(with(0))
     }
 
-    /// Returns name, length and element size of all buffers, in their order in memory.
+    /// Returns name, length and element size of all buffers of the front end, in their order in memory.
     #[must_use]
     pub fn buffers(&self) -> [BufferSize; 8] {
         [
@@ -161,7 +162,7 @@ pub(crate) fn merge_sizes(
     Ok(merge_size(&curve, exposures)?)
 }
 
-/// The buffers in lent memory; a buffer that does not fit is empty.
+/// The buffers of a front end in lent memory; a buffer that does not fit is empty.
 pub(crate) struct Parts<'m> {
     pub(crate) quads: &'m mut [Quad],
     pub(crate) texels: &'m mut [Texel],

@@ -2,16 +2,16 @@
 
 use crate::quad::Quad;
 
-/// Conversion of the integers of a texel to counts.
+/// Conversion of the integer sums of codes of a texel to counts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Tally {
     /// Black level, in units of 2^-`shift` codes.
     pub(crate) black: i16,
-    /// Fraction bits of codes above black.
+    /// Number of fraction bits of codes above black.
     pub(crate) shift: u32,
-    /// Number of counts per unit of the integers.
+    /// Number of counts per unit of the integer sums.
     pub(crate) unit: f32,
-    /// Largest sum of pixel weights of a texel whose product with any code fits 31 bits.
+    /// Largest sum of the pixel weights of a texel whose product with any code fits 31 bits.
     pub(crate) most_weight: u32,
 }
 

@@ -12,7 +12,7 @@ use glam::Vec3;
 /// the order of the samplers' trees.
 const WINDOW: usize = 256;
 
-/// Divisor of the number of lights that gives the number of merges before the costs are recomputed.
+/// Divisor of the number of lights, which gives the number of merges before the costs are computed again.
 const PART: usize = 8;
 
 /// A candidate pair of lights and the cost of merging it: an element of the buffer of [`merge`].
@@ -61,8 +61,8 @@ pub fn merge<P: Buffer<Pair>>(lights: &mut [Light], most: usize, pairs: &mut P) 
         let mut done = 0;
         for pair in &pairs[..found] {
             let (a, b) = (pair.first as usize, pair.second as usize);
-            // Id 0 marks a light that was merged into another in this round. A pair whose light has moved is still used: the error is
-            // small.
+            // Id 0 marks a light that was merged into another in this round. A pair is still used if one of its lights has been moved by a
+            // merge: the error is small.
             if done < merges && live[a].id != 0 && live[b].id != 0 {
                 live[a] = merged(&live[a], &live[b]);
                 live[b].id = 0;
@@ -102,13 +102,13 @@ fn compact(lights: &mut [Light]) -> usize {
     count
 }
 
-/// Returns the luminance of the light's irradiance.
+/// Returns the luminance of the irradiance of `light`.
 fn energy(light: &Light) -> f32 {
     luminance(light.irradiance)
 }
 
-/// Returns the light that replaces `a` and `b`. The cost of a merge is y1 y2 times the distance: the expected squared error over shadowed
-/// receivers is nearly proportional to it.
+/// Returns the light that replaces `a` and `b`. The cost of the merge is y1 y2 times the distance of the lights: the expected squared error
+/// over shadowed receivers is nearly proportional to it.
 fn merged(a: &Light, b: &Light) -> Light {
     let (ya, yb) = (energy(a), energy(b));
     let keep = if yb > ya { b } else { a };
@@ -121,7 +121,7 @@ fn merged(a: &Light, b: &Light) -> Light {
     Light { direction, irradiance, radius_deg, ..*keep }
 }
 
-/// Returns the length of the mean direction over a light's cap.
+/// Returns the length of the mean direction over the cap of `light`.
 fn resultant(light: &Light) -> f32 {
     0.5 + 0.5 * libm::cosf(light.radius_deg.to_radians())
 }

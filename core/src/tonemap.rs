@@ -38,10 +38,11 @@ pub fn srgb_code(v: f32) -> u8 {
     (255.0 * encoded + 0.5) as u8
 }
 
-/// Number of octaves below 1 in the table: down to 1/512, where the transfer function is linear.
+/// Number of octaves below 1 that the table covers: down to 1/512, below which the transfer function is linear.
 const OCTAVES: u32 = 9;
 
-/// Mantissa bits that select a table entry: 64 entries per octave, between which linear interpolation is within 1e-5 of the curve.
+/// Number of mantissa bits that select a table entry: 64 entries per octave, between which linear interpolation is within 1e-5 of the
+/// curve.
 const STEP_BITS: u32 = 6;
 const SHIFT: u32 = f32::MANTISSA_DIGITS - 1 - STEP_BITS;
 const STEPS: usize = (OCTAVES << STEP_BITS) as usize;

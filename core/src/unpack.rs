@@ -43,7 +43,7 @@ pub fn read_luma(layout: &Layout, frame: Samples<'_>, x: u32, y: u32) -> f32 {
     }
 }
 
-/// Returns luma, green or the mosaic's sample of pixel `x` of a row; 0 beyond the end.
+/// Returns the luma, the green code or the mosaic's sample of pixel `x` of a row of bytes; 0 beyond the end.
 fn code_of_byte_row(format: Format, row: &[u8], x: usize) -> u16 {
     let byte = |at: usize| u16::from(row.get(at).copied().unwrap_or(0));
     match format {
@@ -119,7 +119,7 @@ fn read_chunks(
 /// Writes the red, green and blue codes of each pixel; a pixel or mosaic cell covers `cell` columns.
 fn spread(format: Format, codes: &Codes<'_>, cell: usize, pixels: &mut [[u16; 3]]) {
     let channels = format.pattern().map(|pattern| pattern.channels());
-    // Positions of red, the first green and blue in the samples of a pixel or cell.
+    // The array has the positions of red, the first green and blue in the samples of a pixel or cell.
     let samples = match (format, channels) {
         (_, Some(channels)) => [0, 1, 2].map(|c| channels.iter().position(|own| *own == c).unwrap_or(0)),
         (Format::Bgr24, _) => [2, 1, 0],

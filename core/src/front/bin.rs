@@ -5,18 +5,18 @@
 
 use crate::format::{Format, Layout, raw10, raw12};
 
-/// The mosaic bytes behind the binned cells of a part of a row.
+/// The mosaic bytes from which the binned cells of a part of a row are computed.
 #[derive(Clone, Copy)]
 pub(super) struct Bins<'a> {
     /// The frame's bytes from the first mosaic row of the part on.
     pub(super) bytes: &'a [u8],
-    /// Row pitch, bytes.
+    /// Row pitch of the frame, bytes.
     pub(super) pitch: usize,
-    /// Index of the first binned cell in its row.
+    /// Index in its row of the first binned cell.
     pub(super) first: usize,
-    /// Binary logarithm of the cells per binned cell on each side, at least 1.
+    /// Binary logarithm of the number of cells that form a binned cell on each side, at least 1.
     pub(super) log2: u32,
-    /// Smallest saturated code.
+    /// Smallest code that counts as saturated.
     pub(super) saturated: u16,
     /// Largest code of the format, which represents a saturated mean.
     pub(super) most: u16,
@@ -49,14 +49,14 @@ impl<'a> Bins<'a> {
         }
     }
 
-    /// Returns the groups of `B` bytes in row `row` of the part, starting with the first binned cell.
+    /// Returns the groups of `B` bytes in row `row` of the part, from the first binned cell on.
     #[inline(always)]
     fn groups<const B: usize>(&self, row: usize) -> &'a [[u8; B]] {
         let from = row * self.pitch + B * ((self.first << self.log2) / 2);
         self.bytes.get(from..).unwrap_or_default().as_chunks::<B>().0
     }
 
-    /// Writes the means of cells in any packing; `unpacked` converts `B` bytes to four samples.
+    /// Writes the means of the binned cells to `out`, in any packing; `unpacked` converts `B` bytes to four samples.
     #[inline(always)]
     fn mean<const B: usize>(&self, out: &mut [[u16; 4]], unpacked: impl Fn(&[u8; B]) -> [u16; 4]) {
         let (groups, shift) = ((1usize << self.log2) / 2, 2 * self.log2);
@@ -89,7 +89,7 @@ impl<'a> Bins<'a> {
         }
     }
 
-    /// Returns the means of the two colours in two rows of a group of four samples each.
+    /// Returns the means of the two colours in the two rows of a group of four samples per row.
     #[inline(always)]
     fn pair(&self, (first, second): (&[u8; 5], &[u8; 5])) -> [u16; 2] {
         let upper = |group: &[u8; 5]| group.first_chunk().map_or(0, |four| u32::from_le_bytes(*four));
@@ -109,7 +109,8 @@ impl<'a> Bins<'a> {
         self.checked([even, odd], raw10(first), raw10(second))
     }
 
-    /// Returns the means, replaced by the largest code for a colour with a saturated sample; the arrays are the samples of the two rows.
+    /// Returns the means of two colours, each replaced by the largest code if a sample of the colour is saturated; the arrays are the
+    /// samples of the two rows.
     fn checked(&self, means: [u32; 2], [a, b, c, d]: [u16; 4], [e, f, g, h]: [u16; 4]) -> [u16; 2] {
         let largest = [a.max(c).max(e).max(g), b.max(d).max(f).max(h)];
         core::array::from_fn(|i| if largest[i] >= self.saturated { self.most } else { means[i] as u16 })

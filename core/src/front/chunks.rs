@@ -1,4 +1,4 @@
-//! The loop over chunks of pixels: unpacking, merge, and light per texel.
+//! The loop over chunks of pixels of an image row: unpacking, merge, and addition of light to texels.
 
 use super::Excluded;
 use super::code_sums::CodeSums;
@@ -12,16 +12,16 @@ use crate::tally::Tally;
 
 /// The sums to which the light of chunks is added.
 pub(super) struct Target<'t> {
-    /// Runs and weights of the pixels that remain to be added.
+    /// Runs and weights of the pixels whose light remains to be added.
     pub(super) runs: Runs<'t>,
     pub(super) quads: &'t mut [Quad],
-    /// Order of the quads.
+    /// HEALPix order of the quads of the target.
     pub(super) order: u8,
     pub(super) excluded: &'t mut Excluded,
 }
 
 impl Target<'_> {
-    /// Adds the light of `len` pixels from their prefix sums.
+    /// Adds the light of the next `len` pixels, computed from their prefix sums, to the texels.
     fn add(&mut self, len: usize, samples: usize, sums: &PrefixSums, light: &mut RunLight) {
         let below = &mut self.excluded.below;
         self.runs.add_merged(len, samples, sums, light, self.quads, below);
@@ -41,11 +41,11 @@ pub(super) struct Chunks<'a, 'f, 's> {
     layout: &'a Layout,
     scratch: Scratch<'s>,
     merger: Merger<'a, 's>,
-    /// Conversion of sums of codes; `None` if no chunk is added as sums of codes.
+    /// Conversion of sums of codes to light; `None` if no chunk is added as sums of codes.
     tally: Option<Tally>,
 }
 
-/// The merge of codes, and the buffers for its results.
+/// The merge of the codes of a chunk, and the buffers for its results.
 struct Merger<'a, 's> {
     merge: &'a MergeView<'a>,
     channels: Channels,
@@ -95,7 +95,7 @@ impl<'a, 'f, 's> Chunks<'a, 'f, 's> {
         self.merger.add(codes, part.len, target);
     }
 
-    /// Adds a part as sums of codes if its longest exposure suffices; otherwise returns `false` without a change.
+    /// Adds a part as sums of codes if the longest exposure of the part suffices; otherwise returns `false` without a change.
     // Not inlined: its locals take no stack below the merge of other parts.
     #[inline(never)]
     fn add_codes(&mut self, part: Part, target: &mut Target<'_>) -> bool {
@@ -120,7 +120,7 @@ impl<'a, 'f, 's> Chunks<'a, 'f, 's> {
 }
 
 impl Merger<'_, '_> {
-    /// Merges `codes` of `len` pixels and adds their light to `target`.
+    /// Merges `codes` of the next `len` pixels and adds the light of the pixels to `target`.
     fn add(&mut self, codes: &[Codes<'_>], len: usize, target: &mut Target<'_>) {
         let samples = self.channels.many();
         if let Some(unit) = self.merge.sums(codes, self.channels, self.sums.of_mut(len)) {

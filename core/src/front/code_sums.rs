@@ -10,9 +10,9 @@ use crate::tally::Tally;
 
 /// Codes of a chunk and their prefix sums, in buffers that the merge uses for other chunks.
 pub(super) struct CodeSums<'s> {
-    /// Codes above black of each pixel; the fourth lane is 0.
+    /// Codes above black of each pixel of the chunk; the fourth lane is 0.
     codes: &'s mut [[i16; 4]],
-    /// Prefix sums per lane, modulo 2^32.
+    /// Prefix sums of the codes per lane, modulo 2^32.
     sums: &'s mut [[i32; 4]; CHUNK],
 }
 
@@ -21,7 +21,7 @@ impl<'s> CodeSums<'s> {
         Self { codes: bytemuck::cast_slice_mut(light.as_mut_slice()), sums: sums.all_mut() }
     }
 
-    /// Computes the prefix sums of `codes`, three per pixel.
+    /// Computes the prefix sums of `codes`, which has three codes per pixel.
     pub(super) fn sum_up(&mut self, codes: &[u8], tally: &Tally) {
         let pixels = codes.as_chunks::<3>().0;
         self.above_black(pixels, tally.shift, tally.black);

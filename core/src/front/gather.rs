@@ -42,10 +42,10 @@ fn counts<R>(f: impl FnOnce(MergedChunk<'_>) -> R) -> R {
     f(MergedChunk::Counts(&mut [0; _]))
 }
 
-/// Prefix sums per lane over the pixels of a chunk, modulo 2^32; differences of two sums are exact.
+/// Prefix sums per lane of the radiances of a chunk's pixels, modulo 2^32; differences of two sums are exact.
 pub(super) struct PrefixSums {
     sums: [[i32; 4]; CHUNK],
-    /// Number of counts per unit of the sums.
+    /// Number of radiance counts per unit of the sums.
     pub(super) unit: f32,
 }
 
@@ -54,12 +54,12 @@ impl PrefixSums {
         Self { sums: [[0; 4]; _], unit: 1.0 }
     }
 
-    /// Returns the sums of the first `len` pixels for writing.
+    /// Returns the prefix sums of the first `len` pixels for writing.
     pub(super) fn of_mut(&mut self, len: usize) -> &mut [[i32; 4]] {
         self.sums.get_mut(..len).unwrap_or_default()
     }
 
-    /// Returns the sums of a whole chunk for writing.
+    /// Returns the prefix sums of a whole chunk for writing.
     pub(super) fn all_mut(&mut self) -> &mut [[i32; 4]; CHUNK] {
         &mut self.sums
     }
@@ -69,7 +69,7 @@ impl PrefixSums {
     }
 }
 
-/// Sum of the radiances of the pixels of each run of a chunk: one number per lane.
+/// Sum of the radiances of the pixels of each run of a chunk, per lane.
 pub(super) type RunLight = [[f32; 4]; CHUNK];
 
 /// Float radiances of `len` pixels with `samples` samples each.
@@ -81,7 +81,7 @@ pub(super) struct Merged<'r> {
 }
 
 impl Merged<'_> {
-    /// Returns the radiance of sample `lane` of `pixel`; 0 for lanes beyond the samples of a pixel.
+    /// Returns the radiance of the sample `lane` of `pixel`; 0 for lanes beyond the samples of a pixel.
     fn value(&self, pixel: usize, lane: usize) -> f32 {
         let own = self.radiance.get(self.samples * pixel + lane).filter(|_| lane < self.samples);
         own.copied().unwrap_or(0.0)
@@ -91,19 +91,19 @@ impl Merged<'_> {
 /// Weight and light of the clipped pixels of a chunk.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Clipped {
-    /// Sum of the pixel weights.
+    /// Sum of the weights of the clipped pixels.
     pub(super) weight: u64,
-    /// Sums of radiance times weight times the cosine of the angle to the zenith, per lane.
+    /// Sums per lane over the clipped pixels of radiance times weight times the cosine of the angle to the zenith.
     pub(super) light: [f32; 4],
 }
 
-/// The runs and weights that remain to be processed.
+/// The runs and their weights that remain to be processed.
 pub(super) struct Runs<'a> {
     pub(super) runs: &'a [Run],
     pub(super) weights: &'a [u16],
 }
 
-/// Computes prefix sums of the first `len` pixels with `samples` lanes each.
+/// Computes the prefix sums of the first `len` pixels of a chunk with `samples` lanes each.
 // Not inlined: tests find its vector instructions under this symbol.
 #[inline(never)]
 pub(super) fn sum_up(light: &MergedChunk<'_>, samples: usize, len: usize, sums: &mut PrefixSums) {
@@ -198,7 +198,7 @@ fn add<const LANES: usize>(
     }
 }
 
-/// Runs [`cut`] and [`add`] in one loop, for processors whose vectors hold floats.
+/// Does the work of [`cut`] and [`add`] in one loop, for processors whose vectors hold floats.
 #[inline(never)]
 fn cut_and_add(
     runs: &[Run],
@@ -228,7 +228,7 @@ fn cut_and_add(
 }
 
 impl Runs<'_> {
-    /// Adds the light of the first `len` pixels from their prefix sums, and removes their runs.
+    /// Adds the light of the first `len` pixels, computed from their prefix sums, and removes the runs of these pixels.
     pub(super) fn add_merged(
         &mut self,
         len: usize,
@@ -242,7 +242,8 @@ impl Runs<'_> {
             let taken = cut(self.runs, len, sums, light);
             let light = light.get(..taken).unwrap_or_default();
             if samples == 3 {
-                // Three lanes: the scalar additions of the unused lane would cost as many instructions as those of a used lane.
+                // Only three lanes are added: the scalar additions of the unused lane would cost as many instructions as those of a used
+                // lane.
                 add::<3>(self.runs, self.weights, sums.unit, light, quads, below);
             } else {
                 add::<4>(self.runs, self.weights, sums.unit, light, quads, below);
@@ -254,7 +255,8 @@ impl Runs<'_> {
         self.skip(taken);
     }
 
-    /// Returns weight and light of those of the first `len` pixels that satisfy `is` and whose texel is one of the `quads` texels of `order`.
+    /// Returns weight and light of those of the first `len` pixels for which `is` returns true and whose texel is one of the `quads` texels
+    /// of `order`.
     pub(super) fn clipped(
         &self,
         part: Merged<'_>,
@@ -315,7 +317,7 @@ impl Runs<'_> {
         self.weights = self.weights.get(count..).unwrap_or_default();
     }
 
-    /// Adds the light of the first `len` pixels from float radiances, and removes their runs.
+    /// Adds the light of the first `len` pixels, given as float radiances, and removes the runs of these pixels.
     pub(super) fn add_radiance(
         &mut self,
         len: usize,
@@ -353,7 +355,7 @@ mod tests {
         let lens = [1, 3, 2, 7, 1, 4, 9, 5];
         let runs = core::array::from_fn::<_, 8, _>(|i| Run::new((3 * i % (TEXELS + 1)) as u32, lens[i]));
         let weights = [9, 700, 65_535, 1, 0, 31, 4_000, 12];
-        // Prefix sums overflow 32 bits; their differences do not.
+        // The prefix sums of the test overflow 32 bits; their differences do not.
         let mut sums = PrefixSums::new();
         let mut sum = [i32::MAX - 100, i32::MIN, -5, 0];
         for (i, to) in sums.sums.iter_mut().enumerate() {

@@ -27,21 +27,22 @@ use gather::{MergedChunk, Runs};
 pub(crate) use mark::Mark;
 use rows::{Part, Scratch};
 
-/// Statistics of one burst.
+/// Statistics of one burst: the directions that are clipped or unseen, and the exposures that were read.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub struct Coverage {
-    /// Share of the hemisphere's solid angle in which the shortest exposure is clipped, 0..=1.
+    /// Fraction of the hemisphere's solid angle in which the shortest exposure is clipped, 0..=1.
     pub clipped: f64,
     /// Horizontal irradiance, red, green and blue, of the directions in which the shortest exposure is clipped. Clipped pixels count with the
     /// radiance at which they clip, so the irradiance is a lower bound.
     pub clipped_irradiance: [f32; 3],
-    /// Share of the hemisphere's solid angle outside of the field of view, 0..=1.
+    /// Fraction of the hemisphere's solid angle outside of the field of view, 0..=1.
     pub unseen: f64,
-    /// Mean number of exposures read per pixel, 1 to the number of frames; the number of frames for [`MergeMode::All`](crate::MergeMode).
+    /// Mean number of exposures that were read per pixel, 1 to the number of frames; the number of frames for
+    /// [`MergeMode::All`](crate::MergeMode).
     pub exposures_read: f64,
-    /// Scalar flux from below the horizon, which no light represents, divided by the flux from above.
+    /// Ratio of the scalar flux from below the horizon, which no light represents, to the flux from above.
     pub below: f64,
 }
 
@@ -54,21 +55,21 @@ pub enum BurstError {
     FrameCount {
         /// Number of frames in the burst.
         found: usize,
-        /// Number of exposures.
+        /// Number of exposures that the front end was created for.
         expected: usize,
     },
     /// A frame has fewer samples than its layout states.
     FrameSize {
-        /// Index of the frame.
+        /// Index of the frame in the burst.
         index: usize,
         /// Number of bytes (or words, for 16-bit samples) in the frame.
         found: usize,
-        /// Number of bytes (or words) of the layout.
+        /// Number of bytes (or words, for 16-bit samples) that the layout requires.
         expected: usize,
     },
     /// A frame has samples of another depth (bytes or 16-bit words) than the format.
     FrameDepth {
-        /// Index of the frame.
+        /// Index of the frame in the burst.
         index: usize,
     },
     /// The image size of the layout differs from the image size of the pixel table.
@@ -187,7 +188,7 @@ fn walk(
     }
 }
 
-/// Runs the second stage of [`burst`]: converts sums to energy and first moments, and sums the coarser orders.
+/// Runs the second stage of [`burst`]: converts the sums of the texels to energy and first moments, and computes the coarser orders.
 pub(crate) fn finish<Q: Buffer<Quad>>(
     excluded: &Excluded,
     layout: &Layout,
@@ -201,7 +202,7 @@ pub(crate) fn finish<Q: Buffer<Quad>>(
     coverage(excluded, &lanes, pixel_table, map)
 }
 
-/// The conversion of the sums of [`accumulate`] to energy.
+/// Returns the conversion of the sums of [`accumulate`] to energy.
 pub(crate) fn lanes(
     layout: &Layout,
     merge: &MergeView<'_>,
@@ -209,13 +210,13 @@ pub(crate) fn lanes(
     white_balance: [f32; 3],
 ) -> Lanes {
     let unit = merge.unit() * pixel_table.weight_unit;
-    // Limits the energy so that sums stay finite for any radiance scale.
+    // The energy is limited so that sums stay finite for any radiance scale.
     let most = f64::from(MAX_ENERGY) / (merge.most() * pixel_table.weight_sum as f64);
     let scale = white_balance.map(|w| (f64::from(w) * unit).min(most) as f32);
     Lanes::of(layout.format(), scale).with_tally(tally(layout, merge, pixel_table))
 }
 
-/// Statistics of the burst in the finished `map`.
+/// Returns the statistics of the burst in the finished `map`.
 pub(crate) fn coverage<Q: Buffer<Quad>>(
     excluded: &Excluded,
     lanes: &Lanes,
@@ -234,16 +235,16 @@ pub(crate) fn coverage<Q: Buffer<Quad>>(
     }
 }
 
-/// Light and pixel counts that are not stored in the map.
+/// Light and pixel counts of a burst that are not stored in the map.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Excluded {
-    /// Sums of light from below the horizon, per lane.
+    /// Sums per lane of the light from below the horizon.
     below: [f32; 4],
     /// Sum of the weights of clipped pixels above the horizon.
     clipped: u64,
-    /// Sums of the light of clipped pixels times the cosine of the angle to the zenith, per lane.
+    /// Sums per lane of the light of clipped pixels times the cosine of the angle to the zenith.
     clipped_light: [f32; 4],
-    /// Number of pixels processed.
+    /// Number of pixels that were processed.
     pixels: u32,
     /// Number of exposures that were read, summed over the pixels.
     read: u32,

@@ -13,16 +13,16 @@ const WORDS: usize = 4 * (CHUNK + 2);
 /// Buffers for the unpacked codes of one chunk. Formats that need no unpacking have empty buffers, so that they take no stack.
 pub(crate) struct Scratch<'s> {
     planes: &'s mut [Planes],
-    /// Intermediate values of the conversion from luma and chroma; absent if `planes` is empty.
+    /// Intermediate values of the conversion from luma and chroma; `None` if `planes` is empty.
     pairs: Option<&'s mut Pairs>,
     words: &'s mut [[u16; WORDS]],
-    /// The smallest saturated code; binned means that contain it are saturated.
+    /// The smallest saturated code; a mean over binned samples of which one reaches it is saturated.
     saturated: u32,
 }
 
 /// A consumer of the unpacked codes of a part, such as the merge.
 pub(crate) trait Reader {
-    /// Returns whether bytes of three channels are read as separate planes.
+    /// Returns whether the consumer reads bytes of three channels as separate planes.
     fn wants_planes(&self) -> bool;
 
     /// Returns whether the frames from `index` to the last suffice; `codes` are the codes of frame `index`.
@@ -48,7 +48,7 @@ pub(crate) struct Part {
 }
 
 impl Scratch<'_> {
-    /// Calls `f` with the buffers that `format` needs; `wants_planes` states whether the merge reads separate planes.
+    /// Calls `f` with the buffers that `format` needs for one chunk; `wants_planes` states whether the merge reads separate planes.
     pub(crate) fn with<R>(format: Format, wants_planes: bool, f: impl FnOnce(Scratch<'_>) -> R) -> R {
         match format {
             Format::Yuyv(_) | Format::Nv12(_) | Format::Bayer8(_) => planes(f),
@@ -135,7 +135,7 @@ fn words<R>(f: impl FnOnce(Scratch<'_>) -> R) -> R {
     f(Scratch { planes: &mut [], pairs: None, words: &mut [[0; WORDS]; MAX_EXPOSURES], saturated: u32::MAX })
 }
 
-/// Unpacks `part` of one frame of a packed format; `None` if the buffers that the format needs are absent.
+/// Unpacks `part` of one frame of a packed format into codes; `None` if the buffers that the format needs are absent.
 #[inline(never)]
 fn unpack<'a>(
     all: &[u8],
@@ -153,7 +153,7 @@ fn unpack<'a>(
     // Two pixels that share bytes are unpacked together, from the even pixel on.
     let odd = first % 2;
     let (first, pairs) = (first - odd, (odd + len).div_ceil(2));
-    // The two rows of a mosaic's cells, as slices of `bytes` per two cells.
+    // `rows` returns the two rows of a mosaic's cells, as slices of `bytes` per two cells.
     let rows = |bytes: usize| [0, 1].map(|i| at(2 * row + i, bytes * (first / 2), bytes * pairs));
     match layout.format() {
         // These formats need no unpacking.
@@ -198,7 +198,7 @@ fn unpack<'a>(
     }
 }
 
-/// Unpacks the means of a binned mosaic: bytes go to `planes`, larger codes to `words`.
+/// Unpacks the means of a binned mosaic: means of bytes go to `planes`, those of larger codes to `words`.
 fn binned<'a>(
     bins: &Bins<'_>,
     format: Format,
@@ -228,7 +228,7 @@ fn binned_bytes(bins: &Bins<'_>, format: Format, out: &mut [[u8; 4]]) {
     out.iter_mut().zip(means).for_each(|(bytes, codes)| *bytes = codes.map(|code| code as u8));
 }
 
-/// Unpacks two rows into cells and returns cells `odd` to `odd + len`.
+/// Unpacks two rows of a mosaic into cells and returns cells `odd` to `odd + len`.
 #[inline(always)]
 fn cells<'a, const B: usize>(
     rows: [&[u8]; 2],
@@ -241,7 +241,7 @@ fn cells<'a, const B: usize>(
     Codes::Words(words.get(4 * odd..4 * (odd + len)).unwrap_or_default())
 }
 
-/// Interleaves two rows of samples into 2 x 2 cells; `unpacked` converts `B` bytes to four samples.
+/// Interleaves two rows of a mosaic's samples into 2 x 2 cells; `unpacked` converts `B` bytes to four samples.
 #[inline(always)]
 fn two_cells<T, const B: usize>(rows: [&[u8]; 2], out: &mut [T], unpacked: impl Fn(&[u8; B]) -> [T; 4]) {
     let [first, second] = rows.map(|row| row.as_chunks::<B>().0);
@@ -255,7 +255,7 @@ fn two_cells<T, const B: usize>(rows: [&[u8]; 2], out: &mut [T], unpacked: impl 
     }
 }
 
-/// Interleaves the bytes after `whole` groups of `B`, where a frame ends within a group; the missing bytes count as 0.
+/// Interleaves the bytes after `whole` groups of `B` bytes, where a frame ends within a group; the missing bytes count as 0.
 #[cold]
 #[inline(never)]
 fn two_cells_of_a_rest<T, const B: usize>(

@@ -3,19 +3,20 @@
 use super::planes::{PAIRED, Planes};
 use crate::format::{Matrix, Yuv};
 
-/// Number of pixels per iteration: the lanes of two 128-bit vectors.
+/// Number of pixels per iteration of the conversion: the lanes of two 128-bit vectors.
 const STEP: usize = 16;
 
-/// Fraction bits of luma and of the chroma contributions: exact for full-range luma, otherwise within 1/64 of a code before rounding.
+/// Number of fraction bits of luma and of the chroma contributions: exact for full-range luma, otherwise within 1/64 of a code before
+/// rounding.
 const PART: u32 = 6;
 
-/// Fraction bits of chroma, which fills 16 bits.
+/// Number of fraction bits of chroma, which fills 16 bits.
 const CHROMA: u32 = 8;
 
-/// Fraction bits of the chroma coefficients: the upper half of a product has [`PART`] fraction bits.
+/// Number of fraction bits of the chroma coefficients: the upper half of a product then has [`PART`] fraction bits.
 const BITS: u32 = 16 + PART - CHROMA;
 
-/// Fraction bits of the luma coefficient, whose operand is doubled first.
+/// Number of fraction bits of the luma coefficient, whose operand is doubled first.
 const LUMA_BITS: u32 = 16 - 1;
 
 /// The coefficients of a conversion from luma and chroma in fixed point.
@@ -26,7 +27,7 @@ struct Coefficients {
     black: i16,
     red: i16,
     green: [i16; 2],
-    /// Coefficient of Cb in blue, minus 1 since it may exceed 2.
+    /// Coefficient of Cb in blue minus 1, since the coefficient may exceed 2.
     blue: i16,
 }
 
@@ -63,7 +64,7 @@ fn product(coefficient: i16, value: i16) -> i32 {
     i32::from(coefficient) * i32::from(value)
 }
 
-/// Returns the upper half of a sum of products, rounded down.
+/// Returns the upper half of a 32-bit sum of products, rounded down.
 #[inline(always)]
 fn upper(products: i32) -> i16 {
     (products >> 16) as i16
@@ -108,7 +109,7 @@ impl Pairs {
         let luma = &mut self.luma[..count];
         if LIMITED {
             for y in &mut *luma {
-                // Rounds up, since the contribution of chroma is rounded down.
+                // The difference is rounded up, since the contribution of chroma is rounded down.
                 let below = m.black.wrapping_sub(*y);
                 *y = upper(product(m.luma, below << 1)).wrapping_add(below).wrapping_neg();
             }

@@ -1,25 +1,25 @@
-//! The energies of one cell of the map in the last bursts.
+//! The energies of one cell of the map in the last bursts, and the modulation that is fitted to them.
 
 use super::fit::{Basis, Estimate, Fit, TERMS};
 use super::window::{PastValues, WINDOW, Window};
 use bytemuck::{Pod, Zeroable};
 
-/// Strength of a modulation (F statistic) from which a cell counts as modulated, and below which it counts as steady again.
+/// Strength of a modulation (F statistic) from which a cell counts as modulated, and below which the cell counts as steady again.
 const MODULATED: f32 = 10.0;
 const STEADY: f32 = 4.0;
 
-/// A value is a step if it differs from its prediction by this many standard deviations, and by this share of the mean.
+/// Number of standard deviations, and fraction of the mean, by both of which a value must differ from its prediction to count as a step.
 const STEP_DEVIATIONS: f32 = 6.0;
 const STEP_SHARE: f32 = 0.05;
 
-/// Relative difference of a value from the modulation of the last fit above which that modulation is discarded.
+/// Difference between a value and the modulation of the last fit, relative to the mean, above which that modulation is discarded.
 const OTHER_SHAPE: f32 = 0.2;
 
-/// Least light of the last fit's modulation, relative to the mean, from which a mean is computed.
+/// Least light of the last fit's modulation in a burst, relative to its mean, from which a mean is computed.
 const LEAST_LIGHT: f32 = 0.3;
 
-/// Least light of the last fit's modulation, relative to the mean, with which a single value after a step determines the mean. With less
-/// light the mean is taken from the fit that includes the step.
+/// Least light of the last fit's modulation in a burst, relative to its mean, with which a single value after a step determines the mean.
+/// With less light, the mean is taken from the fit that includes the step.
 const HALF_LIGHT: f32 = 0.5;
 
 /// Strength (F statistic) of a modulation that is distinguishable from the noise of a fit.
@@ -28,25 +28,25 @@ const SEEN: f32 = 40.0;
 /// Ratio of a mean to the mean of the last modulated fit above which both means are of the same lamp.
 const SAME_LIGHT: f32 = 0.5;
 
-/// Factor per burst on the mean of the last modulated fit, so that an old mean loses its effect.
+/// Factor per burst by which the mean of the last modulated fit is reduced, so that an old mean loses its effect.
 const FORGETTING: f32 = 0.99;
 
-/// Number of amplitudes of the harmonics.
+/// Number of amplitudes of the harmonics in a fit: cosine and sine of each.
 const SHAPE: usize = TERMS - 1;
 
 /// The energies of a cell in the last bursts, and its modulation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Cell {
-    /// Luminance energies of the last bursts.
+    /// Luminance energies of the cell in the last bursts.
     pub(super) past: PastValues,
-    /// Amplitudes of the harmonics over the mean, from the last fit with a significant modulation; all 0 without one.
+    /// Amplitudes of the harmonics, relative to the mean, from the last fit with a significant modulation; all 0 without one.
     pub(super) shape: [f32; SHAPE],
-    /// Exponentially weighted means of the red, green and blue energy; their ratio is the colour of the cell's mean.
+    /// Exponentially weighted means of the cell's red, green and blue energy; their ratio is the colour of the cell's mean.
     pub(super) colour: [f32; 3],
-    /// Mean of the last fit with a significant modulation.
+    /// Mean luminance energy of the last fit with a significant modulation.
     pub(super) level: f32,
-    /// Number of the last burst before the last step.
+    /// Number of the last burst before the cell's last step.
     pub(super) since: u32,
 }
 
@@ -56,7 +56,8 @@ impl Cell {
         self.shape != [0.0; SHAPE]
     }
 
-    /// Stores the modulation of `found`, unless its mean is so small that the lamp is off and the light comes from its surroundings.
+    /// Stores the modulation of the fit `found`, unless its mean is so small that the lamp is off and the light comes from its
+    /// surroundings.
     fn learn(&mut self, found: &Estimate) {
         self.level *= FORGETTING;
         if found.mean > (SAME_LIGHT * self.level).max(0.0) {
@@ -65,8 +66,8 @@ impl Cell {
         }
     }
 
-    /// Discards the stored modulation if `found` has a sufficient mean but no such modulation. With a smaller mean the lamp may be off, and the
-    /// light comes from its surroundings.
+    /// Discards the stored modulation if the fit `found` has a sufficient mean but no such modulation. With a smaller mean, the lamp may be off
+    /// and the light may come from its surroundings.
     fn doubt(&mut self, found: &Estimate) {
         let squares: f32 = self.shape.iter().map(|a| a * a).sum();
         if found.mean > SAME_LIGHT * self.level
@@ -77,12 +78,12 @@ impl Cell {
     }
 }
 
-/// The corrected energy of a cell.
+/// The energy of a cell without its modulation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Level {
-    /// Luminance energy without modulation.
+    /// Luminance energy of the cell without modulation.
     pub y: f32,
-    /// Amplitude of the fundamental over the mean.
+    /// Amplitude of the fundamental, relative to the mean.
     pub depth: f32,
     /// Whether the cell itself is modulated; `false` for a cell that is corrected because its region is modulated.
     pub is_modulated: bool,
@@ -92,14 +93,14 @@ pub(super) struct Level {
 pub(super) struct Fits {
     pub basis: Basis,
     fits: [Option<Fit>; WINDOW + 1],
-    /// The number of bursts whose phases are spread most evenly.
+    /// The number of last bursts whose phases are spread most evenly.
     best: usize,
     slots: [usize; WINDOW],
     window: Window,
 }
 
 impl Fits {
-    /// Computes the fits of `frequency`, whose phase in the newest burst is `phase` periods.
+    /// Computes the fits of a modulation of `frequency`, whose phase in the newest burst is `phase` periods.
     pub fn new(window: &Window, phase: f64, frequency: f64) -> Self {
         let basis = Basis::new(window, phase, frequency);
         let fits = core::array::from_fn(|bursts| Fit::new(window, &basis, bursts));
@@ -108,13 +109,13 @@ impl Fits {
         Self { basis, fits, best, slots, window: *window }
     }
 
-    /// Returns the fit for a cell of `age` bursts; `None` if so few bursts do not determine a mean.
+    /// Returns the fit to the last `age` bursts of a cell; `None` if so few bursts do not determine a mean.
     fn of(&self, age: usize) -> Option<&Fit> {
         self.fits.get(age.min(self.best))?.as_ref()
     }
 
-    /// Returns the corrected energy of a cell or region; `None` if it is steady, dark, or not determined yet. A cell of a modulated region
-    /// (`in_region`) is corrected even if its modulation is below the noise.
+    /// Returns the energy without modulation of a cell or region; `None` if it is steady, dark, or not determined yet. A cell of a
+    /// modulated region (`in_region`) is corrected even if its modulation is below the noise.
     pub fn level(&self, cell: &mut Cell, in_region: bool) -> Option<Level> {
         let Some(fit) = self.of(self.window.age(cell.since)) else { return self.of_known_shape(cell) };
         let newest = self.slots[0];
@@ -138,14 +139,14 @@ impl Fits {
         in_region.then_some(Level { y: without_wave, depth, is_modulated: false })
     }
 
-    /// Returns the light of the stored modulation of `cell` in the burst at `slot`, relative to its mean.
+    /// Returns the light of the stored modulation of `cell` in the burst at `slot`, relative to the mean of the modulation.
     fn light(&self, cell: &Cell, slot: usize) -> f32 {
         let [_, terms @ ..] = self.basis.at(slot);
         1.0 + cell.shape.iter().zip(terms).map(|(a, t)| a * t).sum::<f32>()
     }
 
-    /// Returns the mean of a cell since its last step, from the modulation before the step; `None` if the cell had none, or if the light is too
-    /// low to compute a mean.
+    /// Returns the mean energy of a cell since its last step, computed from the modulation before the step; `None` if the cell had none, or if
+    /// the light is too low to compute a mean.
     fn of_known_shape(&self, cell: &mut Cell) -> Option<Level> {
         if !cell.has_shape() {
             return None;

@@ -1,28 +1,28 @@
-//! Least-squares fits of a mean and three harmonics to the last bursts.
+//! Least-squares fits of a mean and three harmonics to the energies of a cell in the last bursts.
 //!
-//! All cells share the times of the bursts, so that a fit is computed once for each number of bursts and applied to a cell as a few
+//! All cells have the same times of the bursts, so that a fit is computed once for each number of bursts and applied to a cell as a few
 //! scalar products.
 
 use super::window::Window;
 use super::window::{PastValues, WINDOW};
 use core::f64::consts::TAU;
 
-/// Number of terms: the mean, then cosine and sine of one, two and three times the frequency.
+/// Number of terms of a fit: the mean, then cosine and sine of one, two and three times the frequency.
 pub(super) const TERMS: usize = 7;
 
-/// Number of terms with two harmonics, and with one.
+/// Number of terms of a fit with two harmonics, and with one.
 const TWO_HARMONICS: usize = 5;
 const FUNDAMENTAL: usize = 3;
 
-/// Degrees of freedom at which a variance is doubled for the comparison with steps.
+/// Number of degrees of freedom at which a variance is doubled for the comparison with steps.
 const FEW: f32 = 12.0;
 
-/// Number added to the diagonal of the normal equations per burst, so that harmonics that have equal phases in all bursts share their
-/// amplitude.
+/// Number that is added per burst to the diagonal of the normal equations, so that harmonics that have equal phases in all bursts have
+/// equal amplitudes.
 const RIDGE: f64 = 1e-3;
 
-/// Largest variance of the mean, relative to the mean of as many independent samples. Phases that do not spread over the period exceed
-/// it: they do not determine the mean.
+/// Largest variance of the mean of a fit, relative to the variance of the mean of as many independent samples. Phases that do not spread
+/// over the period exceed this limit and do not determine the mean.
 const MOST_VARIANCE: f64 = 3.0;
 
 /// The values of the terms of a fit in the bursts of a window, by slot.
@@ -30,7 +30,7 @@ const MOST_VARIANCE: f64 = 3.0;
 pub(super) struct Basis(pub [PastValues; TERMS]);
 
 impl Basis {
-    /// Computes the terms of `frequency` at the times of `window`; `phase` is the phase of the newest burst, periods.
+    /// Computes the terms of a modulation of `frequency` at the times of `window`; `phase` is the phase of the newest burst, periods.
     pub fn new(window: &Window, phase: f64, frequency: f64) -> Self {
         let mut terms = [[0.0; WINDOW]; TERMS];
         for back in 0..window.count() {
@@ -43,13 +43,13 @@ impl Basis {
         Self(terms)
     }
 
-    /// Returns the terms in the burst at `slot`.
+    /// Returns the values of the terms in the burst at `slot`.
     pub fn at(&self, slot: usize) -> [f32; TERMS] {
         self.0.map(|term| term[slot % WINDOW])
     }
 }
 
-/// Returns the part of `turns` beyond whole turns, 0..1.
+/// Returns the fractional part of `turns`, 0..1.
 pub(super) fn fraction(turns: f64) -> f64 {
     turns - libm::floor(turns)
 }
@@ -57,31 +57,32 @@ pub(super) fn fraction(turns: f64) -> f64 {
 /// The fit to the newest bursts of a window.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fit {
-    /// Number of bursts of the fit.
+    /// Number of bursts that are fitted.
     pub bursts: usize,
     terms: usize,
-    /// Coefficients of each term: its amplitude is the scalar product of its row and the values.
+    /// Coefficients of each term: the amplitude of the term is the scalar product of its row and the values.
     rows: [PastValues; TERMS],
     /// 1 for the bursts of the fit, 0 for older ones.
     mask: PastValues,
-    /// Weight of the newest value in its own prediction.
+    /// Weight of the newest value in the fit's prediction of this value.
     leverage: f32,
 }
 
 impl Fit {
-    /// Computes the fit to `bursts` of `window` with as many terms as they determine; `None` if they do not determine the mean.
+    /// Computes the fit to the newest `bursts` bursts of `window` with as many terms as they determine; `None` if they do not determine the
+    /// mean.
     pub fn new(window: &Window, basis: &Basis, bursts: usize) -> Option<Self> {
         [TERMS, TWO_HARMONICS, FUNDAMENTAL]
             .into_iter()
             .find_map(|terms| Self::of_terms(window, basis, bursts, terms))
     }
 
-    /// Computes the fit of the mean and the fundamental; `None` if the bursts do not determine the mean.
+    /// Computes the fit of the mean and the fundamental to the newest `bursts` bursts; `None` if the bursts do not determine the mean.
     pub fn fundamental(window: &Window, basis: &Basis, bursts: usize) -> Option<Self> {
         Self::of_terms(window, basis, bursts, FUNDAMENTAL)
     }
 
-    /// Computes the fit of the first `terms` terms; `None` if the bursts do not determine the mean.
+    /// Computes the fit of the first `terms` terms to the newest `bursts` bursts; `None` if the bursts do not determine the mean.
     fn of_terms(window: &Window, basis: &Basis, bursts: usize, terms: usize) -> Option<Self> {
         if bursts < terms + 2 || bursts > window.count() {
             return None;
@@ -103,12 +104,12 @@ impl Fit {
         Some(Self { bursts, terms, rows, mask, leverage })
     }
 
-    /// Returns the degrees of freedom of the residuals.
+    /// Returns the number of degrees of freedom of the residuals.
     pub fn freedom(&self) -> usize {
         self.bursts.saturating_sub(self.terms)
     }
 
-    /// Fits the values `past`; `newest` is the slot of the newest burst.
+    /// Fits the values `past` of a cell; `newest` is the slot of the newest burst.
     pub fn estimate(&self, basis: &Basis, past: &PastValues, newest: usize) -> Estimate {
         let mut amplitudes = [0.0; TERMS];
         amplitudes.iter_mut().zip(&self.rows).for_each(|(a, row)| *a = dot(row, past));
@@ -139,34 +140,34 @@ impl Fit {
 /// Mean and modulation of a cell over the bursts of a fit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Estimate {
-    /// Mean over a period.
+    /// Mean of the fitted values over a period.
     pub mean: f32,
-    /// Amplitudes of the harmonics.
+    /// Amplitudes of the harmonics: cosine and sine of each.
     pub harmonics: [f32; TERMS - 1],
-    /// Modulation in the newest burst: its value minus the mean, as fitted.
+    /// Fitted modulation in the newest burst: the fitted value minus the mean.
     pub wave: f32,
-    /// Difference of the newest value and its prediction from the other values.
+    /// Difference between the newest value and its prediction from the other values.
     pub surprise: f32,
-    /// Sum of the squared residuals without the newest value.
+    /// Sum of the squared residuals of all values but the newest.
     noise: f32,
-    /// Sum of the squared residuals.
+    /// Sum of the squared residuals of all values.
     squares: f32,
-    /// Sum of the squared modulation.
+    /// Sum of the squares of the fitted modulation over the bursts.
     waves: f32,
-    /// Degrees of freedom of the residuals, and of the modulation.
+    /// Number of degrees of freedom of the residuals, and of the modulation.
     freedom: f32,
     used: f32,
 }
 
 impl Estimate {
-    /// Returns the variance of the modulation over the variance of the residuals (the F statistic).
+    /// Returns the ratio of the variance of the modulation to the variance of the residuals (the F statistic).
     pub fn strength(&self) -> f32 {
         let floor = 1e-12 * self.mean * self.mean + f32::MIN_POSITIVE;
         (self.waves / self.used) / (self.squares / self.freedom + floor)
     }
 
-    /// Returns whether the newest value differs from its prediction by more than `deviations` standard deviations of the residuals and more
-    /// than the share `least` of the mean.
+    /// Returns whether the newest value differs from its prediction by more than `deviations` standard deviations of the residuals and by
+    /// more than the fraction `least` of the mean.
     pub fn is_step(&self, deviations: f32, least: f32) -> bool {
         let freedom = (self.freedom - 1.0).max(1.0);
         // The variance of few residuals is an underestimate.
@@ -175,7 +176,7 @@ impl Estimate {
         squared > deviations * deviations * variance && squared > (least * self.mean) * (least * self.mean)
     }
 
-    /// Returns the amplitude of the fundamental over the mean.
+    /// Returns the amplitude of the fundamental, relative to the mean.
     pub fn depth(&self) -> f32 {
         let [cos, sin, ..] = self.harmonics;
         if self.mean > 0.0 { libm::hypotf(cos, sin) / self.mean } else { 0.0 }
@@ -192,7 +193,7 @@ impl Estimate {
     }
 }
 
-/// A matrix with a row and a column for each term.
+/// A matrix with a row and a column for each term of a fit.
 type Square = [[f64; TERMS]; TERMS];
 
 /// Returns the sums of the products of the terms over the newest `bursts` bursts, with the ridge on the diagonal.
@@ -236,7 +237,7 @@ fn product(a: &[f64; TERMS], b: &[f32; TERMS]) -> f32 {
     a.iter().zip(b).map(|(a, b)| a * f64::from(*b)).sum::<f64>() as f32
 }
 
-/// Returns the scalar product, summed in four lanes.
+/// Returns the scalar product of the values `a` and `b`, summed in four lanes.
 pub(super) fn dot(a: &PastValues, b: &PastValues) -> f32 {
     let mut lanes = [0.0f32; 4];
     for (a, b) in a.as_chunks::<4>().0.iter().zip(b.as_chunks::<4>().0) {

@@ -4,14 +4,14 @@ use super::cell::Cell;
 use super::fit::{Basis, Estimate, Fit, dot, fraction};
 use super::window::{WINDOW, Window};
 
-/// Frequencies at which lamps on the mains vary, hertz: twice the frequency of the mains.
+/// Frequencies at which the light of lamps on the mains varies, hertz: twice the frequency of the mains.
 pub(super) const LAMPS_HZ: [f64; 2] = [100.0, 120.0];
 
-/// Steps of the search, and number of steps to each side of a nominal frequency.
+/// Step of the frequencies that are searched, hertz, and number of steps to each side of a nominal frequency.
 const STEP_HZ: f64 = 0.1;
 const STEPS: i32 = 4;
 
-/// Distance, in steps, of the frequencies that are tried first, and the explained share of the variance above which the frequencies
+/// Distance, in steps, of the frequencies that are tried first, and the explained fraction of the variance above which the frequencies
 /// between them are tried.
 const COARSE: i32 = 3;
 const PROMISING: f32 = 0.25;
@@ -19,33 +19,34 @@ const PROMISING: f32 = 0.25;
 /// Number of bursts between two searches: a search takes as many instructions as the rest of the stage.
 const SEARCH_EVERY: u32 = 4;
 
-/// Share of the variance, per step from the nominal frequency, by which another frequency must explain more.
+/// Fraction of the variance, per step from the nominal frequency, by which another frequency must explain more than the nominal one.
 const OFF_NOMINAL: f32 = 0.01;
 
-/// Step and range of the search in bursts without times, periods per burst.
+/// Step and range of the frequencies that are searched in bursts without times, periods per burst.
 const STEP_PER_BURST: f64 = 0.02;
 const PER_BURST: [f64; 2] = [0.06, 0.5];
 
-/// Least number of bursts for a search: in fewer bursts, a period of a slow alias equals a lamp that is switched once.
+/// Least number of bursts for a search: in fewer bursts, a period of a slow alias cannot be distinguished from a lamp that is switched
+/// once.
 const FEWEST: usize = 8;
 
-/// Least share of the variance that a frequency explains to be locked with fewer than [`MANY`] bursts and with more, and the share below
-/// which it is lost.
+/// Least fraction of the variance that a frequency must explain to be locked with fewer than [`MANY`] bursts and with more, and the
+/// fraction below which a locked frequency is lost.
 const FOUND: [f32; 2] = [0.8, 0.6];
 const MANY: usize = 12;
 const LOST: f32 = 0.35;
 
-/// Least share of the variance that a waveform of three harmonics explains to be locked with [`MANY`] bursts if the fundamental explains
-/// less: for example a rectangle, or a lamp that is clipped at some phases.
+/// Least fraction of the variance that a waveform of three harmonics must explain to be locked with [`MANY`] bursts if the fundamental
+/// explains less: for example a rectangle, or a lamp that is clipped at some phases.
 const FOUND_WAVEFORM: f32 = 0.9;
 
 /// Number of bursts without varying light whose effect equals that of one burst that the frequency explains badly.
 const UNKNOWN: u32 = 8;
 
-/// Least change of the phase from burst to burst, periods: a slower modulation may be a change of the light itself.
+/// Least change of the modulation's phase from burst to burst, periods: a slower modulation may be a change of the light itself.
 const LEAST_ADVANCE: f64 = 0.12;
 
-/// Least ratio of standard deviation to mean for which a frequency is searched: of one region, and of all regions together.
+/// Least ratios of standard deviation to mean for which a frequency is searched: in one region, and in all regions together.
 const VARYING: f32 = 0.002;
 const VARYING_IN_ALL: f32 = 0.0005;
 
@@ -65,13 +66,13 @@ pub enum Lamps {
 }
 
 impl Lamps {
-    /// All values of the type.
+    /// All choices of lamps.
     pub const ALL: [Self; 4] = [Self::Auto, Self::Mains50, Self::Mains60, Self::Off];
 
-    /// Names of [`Lamps::ALL`]: the frequency of the mains.
+    /// Names of [`Lamps::ALL`]: the frequency of the mains, hertz, or a word.
     pub const NAMES: [&str; 4] = ["auto", "50", "60", "off"];
 
-    /// Returns the name, an element of [`Lamps::NAMES`].
+    /// Returns the name of these lamps, an element of [`Lamps::NAMES`].
     #[must_use]
     pub fn name(self) -> &'static str {
         Self::NAMES[self as usize]
@@ -83,12 +84,12 @@ impl Lamps {
         Self::ALL.into_iter().find(|lamps| lamps.name() == name)
     }
 
-    /// Returns the frequencies at which the lamps vary, hertz.
+    /// Returns the frequencies at which the light of these lamps varies, hertz.
     pub(super) fn frequencies_hz(self) -> impl Iterator<Item = f64> {
         LAMPS_HZ.into_iter().enumerate().filter(move |(index, _)| self.allows(*index)).map(|(_, hz)| hz)
     }
 
-    /// Returns whether element `index` of [`LAMPS_HZ`] is a frequency of the lamps.
+    /// Returns whether element `index` of [`LAMPS_HZ`] is a frequency of these lamps.
     fn allows(self, index: usize) -> bool {
         match self {
             Self::Auto => true,
@@ -102,11 +103,11 @@ impl Lamps {
 /// The frequency of a modulation, followed from burst to burst.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lock {
-    /// Frequency, hertz; in bursts without times, periods per burst.
+    /// Frequency of the modulation, hertz; in bursts without times, periods per burst.
     pub frequency: f64,
-    /// Phase in the newest burst, periods.
+    /// Phase of the modulation in the newest burst, periods.
     pub phase: f64,
-    /// Least and largest frequency to which drift is followed.
+    /// Least and largest frequency to which a drift of the modulation is followed.
     range: [f64; 2],
     step: f64,
     /// Number of successive bursts that the frequency explained badly, each counted [`UNKNOWN`] times, plus bursts without varying light.
@@ -199,7 +200,7 @@ fn advances(window: &Window, frequency: f64) -> bool {
     libm::fabs(periods - libm::round(periods)) >= LEAST_ADVANCE
 }
 
-/// Returns the modulation that an exposure of `periods` periods records of a sinusoid of amplitude 1.
+/// Returns the amplitude that an exposure of `periods` periods records of a sinusoid of amplitude 1.
 pub(super) fn response(periods: f64) -> f64 {
     let angle = core::f64::consts::PI * periods;
     if angle > 1e-6 { libm::fabs(libm::sin(angle)) / angle } else { 1.0 }
@@ -222,13 +223,13 @@ impl Variation {
         Self { mean, squares: (dot(&off, &off) - unused).max(0.0) }
     }
 
-    /// Returns the standard deviation of `bursts` values.
+    /// Returns the standard deviation of the region's energy over `bursts` bursts.
     fn deviation(&self, bursts: usize) -> f32 {
         libm::sqrtf(self.squares / bursts.max(1) as f32)
     }
 }
 
-/// Returns whether the light varies enough for a search. For steady light only the last two bursts are compared.
+/// Returns whether the light of the regions varies enough for a search. For steady light, only the last two bursts are compared.
 fn varies(window: &Window, regions: &[Cell]) -> bool {
     let [now, before] = [0, 1].map(|back| window.slot(back));
     let (mut sum, mut change) = (0.0, 0.0);
@@ -249,8 +250,8 @@ fn varies(window: &Window, regions: &[Cell]) -> bool {
     varying > VARYING_IN_ALL * all
 }
 
-/// Returns the share of the variance of the regions that the fit `of` `frequency` explains, corrected for the degrees of freedom; `None` if
-/// the times of the window do not determine a mean at `frequency`.
+/// Returns the fraction of the variance of the regions that the fit `of` `frequency` explains, corrected for the degrees of freedom; `None`
+/// if the times of the window do not determine a mean at `frequency`.
 fn explained(
     window: &Window,
     regions: &[Cell],

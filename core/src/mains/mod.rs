@@ -48,19 +48,20 @@ use frequency::Lock;
 pub use rate::{best_rate, whole_periods};
 use window::Window;
 
-/// Difference of order between a cell and its region.
+/// Difference between the orders of a cell and of the region that contains it.
 const REGION: u8 = 2;
 
-/// Finest order of cells; the texels of a finer map are combined to cells of this order.
+/// Finest HEALPix order of cells; the texels of a finer map are combined to cells of this order.
 const FINEST: u8 = 5;
 
 /// Longest time between two bursts that one fit spans, seconds.
 const LONGEST_GAP_S: f64 = 1.0;
 
-/// Largest modulation that an exposure may record of a modulation of 1 to be merged beside the shortest and the longest exposure.
+/// Largest amplitude that an exposure may record of a modulation of amplitude 1, if it is to be merged in addition to the shortest and the
+/// longest exposure.
 const MOST_RESPONSE: f64 = 0.25;
 
-/// Weight of a new burst in the mean colour of a cell.
+/// Weight of the newest burst in the mean colour of a cell.
 const NEW_COLOUR: f32 = 1.0 / 8.0;
 
 /// The modulation of the light that was removed from a map.
@@ -70,23 +71,23 @@ const NEW_COLOUR: f32 = 1.0 / 8.0;
 pub struct Flicker {
     /// Frequency of the modulation, hertz; `None` without a modulation, and for bursts without times.
     pub frequency_hz: Option<f32>,
-    /// Amplitude of the modulation over the mean, 0..=1, averaged over the corrected cells.
+    /// Amplitude of the modulation relative to the mean, 0..=1, averaged over the corrected cells.
     pub depth: f32,
-    /// Share of the map's luminance energy that is an estimate over several bursts, 0..=1.
+    /// Fraction of the map's luminance energy that is an estimate over several bursts, 0..=1.
     pub share: f32,
 }
 
 impl Flicker {
-    /// No modulation.
+    /// The value for a map without modulation.
     pub const NONE: Self = Self { frequency_hz: None, depth: 0.0, share: 0.0 };
 }
 
-/// Returns the order of the cells for a map of `order`.
+/// Returns the HEALPix order of the cells for a map of `order`.
 const fn cell_order(order: Order) -> u8 {
     if order.get() > FINEST { FINEST } else { order.get() }
 }
 
-/// Returns the order of the regions for cells of `order`.
+/// Returns the HEALPix order of the regions for cells of `order`.
 const fn region_order(order: u8) -> u8 {
     order.saturating_sub(REGION)
 }
@@ -108,12 +109,12 @@ pub struct Mains<B> {
 /// The state of [`Mains`] without its cells.
 #[derive(Clone, Copy, Debug)]
 struct MainsState {
-    /// Order of the cells.
+    /// HEALPix order of the cells.
     order: u8,
     lamps: Lamps,
     window: Window,
     has_times: bool,
-    /// The time that the caller stated for the last burst.
+    /// The time that the caller stated for the last burst, seconds.
     stated: Option<f64>,
     lock: Option<Lock>,
 }
@@ -140,7 +141,7 @@ impl<B: Buffer<Cell>> Mains<B> {
         })
     }
 
-    /// Sets the lamps whose frequency is searched. If `lamps` differ from the former lamps, discards all bursts.
+    /// Sets the lamps whose frequency is searched. If `lamps` differ from the former lamps, all earlier bursts are discarded.
     pub fn set_lamps(&mut self, lamps: Lamps) {
         if self.state.lamps != lamps {
             self.state.lamps = lamps;
@@ -148,7 +149,7 @@ impl<B: Buffer<Cell>> Mains<B> {
         }
     }
 
-    /// Discards all bursts.
+    /// Discards all earlier bursts.
     pub fn restart(&mut self) {
         self.state.restart(self.cells.as_mut());
     }
@@ -186,7 +187,7 @@ impl<B: Buffer<Cell>> Mains<B> {
     }
 }
 
-/// Sums over the corrected cells.
+/// Sums over the cells that were corrected.
 #[derive(Default)]
 struct Corrected {
     energy: f32,
@@ -216,7 +217,7 @@ impl MainsState {
 
     /// Adds a burst to the window and its energies to the cells and regions.
     fn remember<Q: Buffer<Quad>>(&mut self, map: &Pyramid<Q>, at: Option<f64>, cells: &mut [Cell]) {
-        // A time that does not advance counts as no time.
+        // A time that does not advance from burst to burst counts as no time.
         let at = at.filter(|at| self.stated.replace(*at) != Some(*at));
         let has_times = at.is_some();
         let last = self.window.last();
@@ -241,7 +242,7 @@ impl MainsState {
         }
     }
 
-    /// Searches the frequency, or follows its drift.
+    /// Searches the frequency of the modulation, or follows the drift of the locked frequency.
     fn follow(&mut self, cells: &mut [Cell]) -> Option<Lock> {
         let window = self.window;
         let regions = self.divide(cells).regions;
@@ -303,7 +304,7 @@ struct CellIndex {
     cell: u32,
 }
 
-/// Replaces the energy of the texels of a cell by `level`; each texel keeps its share of the energy.
+/// Replaces the energy of the texels of a cell by `level`; the fraction of each texel in the cell's energy is unchanged.
 fn replace(texels: &mut [Quad], level: &Level, cell: &Cell, index: CellIndex) {
     let found: f32 = texels.iter().map(Quad::y).sum();
     let mean = luminance(cell.colour);

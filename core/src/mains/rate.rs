@@ -2,12 +2,12 @@
 
 use super::frequency::Lamps;
 
-/// Least distance of the phases of successive bursts, and of every second burst, periods. With it a fit separates the mean from the
-/// modulation within a few bursts.
+/// Least distance of the phases of successive bursts, and of every second burst, periods. With this distance, a fit separates the mean from
+/// the modulation within a few bursts.
 const LEAST_ADVANCE: f64 = 0.14;
 const LEAST_OF_TWO: f64 = 0.14;
 
-/// Step of the search, frames per second, and the lowest rate relative to the highest.
+/// Step of the frame rates that are tried, frames per second, and ratio of the lowest rate to the highest.
 const STEP_HZ: f64 = 0.1;
 const LOWEST: f64 = 0.85;
 
@@ -34,14 +34,14 @@ pub fn best_rate(most_hz: f64, frames: usize, lamps: Lamps) -> f64 {
     (0..=steps).map(|step| most_hz - STEP_HZ * f64::from(step)).find(spreads).unwrap_or(most_hz)
 }
 
-/// Returns whether bursts at intervals of `periods` periods record a modulation at different phases.
+/// Returns whether bursts at intervals of `periods` periods of a modulation record the modulation at different phases.
 fn advances(periods: f64) -> bool {
     let distance = |turns: f64| libm::fabs(turns - libm::round(turns));
     distance(periods) >= LEAST_ADVANCE && distance(2.0 * periods) >= LEAST_OF_TWO
 }
 
-/// Returns the longest exposure time that is a whole number of periods of `lamps`, so that it does not record their flicker, and exceeds
-/// `seconds` by less than a hundredth of a period. Returns `seconds` if it is shorter than a period, or if `lamps` have several frequencies.
+/// Returns the longest exposure time, at most `seconds` plus a hundredth of a period, that is a whole number of periods of `lamps`, so that
+/// the exposure does not record their flicker. Returns `seconds` if it is shorter than a period, or if `lamps` have several frequencies.
 ///
 /// ```
 /// use hemilux_core::mains::{Lamps, whole_periods};

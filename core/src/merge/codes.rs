@@ -1,4 +1,4 @@
-//! The input samples of the merge.
+//! The input of the merge: samples of frames, and unpacked codes.
 
 use super::linear::extreme;
 
@@ -24,7 +24,7 @@ impl<'a> From<&'a [u16]> for Samples<'a> {
 }
 
 impl Samples<'_> {
-    /// Returns the number of bytes or words.
+    /// Returns the number of bytes or words of the frame.
     #[must_use]
     pub fn len(&self) -> usize {
         match self {
@@ -40,7 +40,7 @@ impl Samples<'_> {
     }
 }
 
-/// Codes of a part of a frame after unpacking: one per sample.
+/// The unpacked codes of a part of a frame, one per sample.
 #[derive(Clone, Copy, Debug)]
 pub enum Codes<'a> {
     /// Codes of 8 bits, channels interleaved.
@@ -49,15 +49,15 @@ pub enum Codes<'a> {
     Words(&'a [u16]),
     /// Codes of 8 bits in three planes: red, green, blue.
     Planes([&'a [u8]; 3]),
-    /// An exposure that is not read: longer exposures determine every sample.
+    /// The codes of an exposure that is not read, because longer exposures determine every sample.
     Unread,
 }
 
 impl<'a> Codes<'a> {
-    /// An empty slice of codes.
+    /// Codes of no sample.
     pub const NONE: Self = Self::Bytes(&[]);
 
-    /// Returns the code of sample `at`; 0 beyond the end.
+    /// Returns the code of sample `at`; 0 beyond the last sample.
     pub(crate) fn code(&self, at: usize) -> u32 {
         match self {
             Self::Bytes(s) => s.get(at).copied().map_or(0, u32::from),
@@ -67,7 +67,7 @@ impl<'a> Codes<'a> {
         }
     }
 
-    /// Returns the code of sample `at`; `None` beyond the end.
+    /// Returns the code of sample `at`; `None` beyond the last sample.
     pub(crate) fn get(&self, at: usize) -> Option<u16> {
         match self {
             Self::Bytes(s) => s.get(at).copied().map(u16::from),
@@ -124,16 +124,16 @@ impl<'a> Codes<'a> {
 /// The channel (0 red, 1 green, 2 blue) of each sample; the pattern repeats along a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Channels {
-    /// All samples have one channel.
+    /// All samples have the same channel.
     One([usize; 1]),
-    /// Three channels alternate.
+    /// The samples alternate between three channels.
     Three([usize; 3]),
-    /// Four channels alternate: the samples of a mosaic's 2 x 2 cell.
+    /// The samples alternate between four channels: those of a mosaic's 2 x 2 cell.
     Four([usize; 4]),
 }
 
 impl Channels {
-    /// Red, green, blue.
+    /// The samples alternate between red, green and blue.
     pub const RGB: Self = Self::Three([0, 1, 2]);
 
     /// Returns the length of the pattern: the number of channels that alternate.

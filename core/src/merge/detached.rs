@@ -6,9 +6,9 @@ use crate::response::Curve;
 /// The tables of a merge in borrowed memory.
 #[derive(Clone, Copy)]
 pub(crate) struct Tables<'a> {
-    /// Relative exposure of each code, for three channels.
+    /// Relative exposure of each code, for three channels, in units of 2^-27.
     pub(crate) curve: &'a [i32],
-    /// Relative exposure divided by gain of each code in each exposure.
+    /// Relative exposure divided by gain, of each code in each exposure.
     pub(crate) exposures: &'a [u32],
     pub(crate) reciprocals: &'a [Reciprocal],
 }

@@ -20,24 +20,24 @@ pub struct Exposure {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum MergeError {
-    /// No exposures, or more than [`MAX_EXPOSURES`].
+    /// There are no exposures, or more than [`MAX_EXPOSURES`].
     BadCount {
-        /// Number of exposures.
+        /// Number of exposures that was found.
         found: usize,
     },
-    /// An exposure time or gain that is not a positive finite number.
+    /// An exposure time or gain is not a positive finite number.
     BadExposure {
-        /// Index of the exposure.
+        /// Index of the exposure in the burst.
         index: usize,
     },
-    /// Exposures that do not ascend by time x gain.
+    /// The exposures do not ascend by time x gain.
     NotAscending {
         /// Index of the first exposure with a lower time x gain than its predecessor.
         index: usize,
     },
-    /// A radiance scale that is not a positive finite number.
+    /// The radiance scale is not a positive finite number.
     BadScale,
-    /// Exposure times or gains with a ratio above 2^24, the range of 32-bit radiance.
+    /// Two exposure times or gains have a ratio above 2^24, the range of 32-bit radiance.
     TooFarApart,
     /// A lent buffer has too few elements.
     TooSmall(TooSmall),
@@ -60,7 +60,7 @@ impl core::fmt::Display for MergeError {
 
 impl core::error::Error for MergeError {}
 
-/// Checks count, sign, order and range of the exposures.
+/// Checks number, sign, order and range of the exposures of a burst.
 pub(super) fn check(exposures: &[Exposure]) -> Result<(), MergeError> {
     let count = exposures.len();
     if !(1..=MAX_EXPOSURES).contains(&count) {

@@ -10,19 +10,19 @@ use crate::response::Levels;
 use crate::tally::Tally;
 use core::num::NonZeroU32;
 
-/// Largest number of exposures of the unrolled loops; longer bursts use tables.
+/// Largest number of exposures for which the loops are unrolled; longer bursts are merged by tables.
 pub(super) const MAX_UNROLLED: usize = 4;
 
 /// Largest reciprocal: a radiance is the product of two `i16`.
 const MOST: u32 = i16::MAX as u32;
 
-/// Largest relative error of a reciprocal: a fifth of the accuracy of the merge.
+/// Largest relative error of a rounded reciprocal: a fifth of the accuracy of the merge.
 const WORST: f64 = 2e-4;
 
-/// Largest rounding error of the black level, codes.
+/// Largest rounding error of the black level that is accepted, codes.
 const BLACK_ERROR: f64 = 0.002;
 
-/// Number of samples per iteration: the lanes of a 128-bit vector of 16-bit integers.
+/// Number of samples per iteration of a merge: the lanes of a 128-bit vector of 16-bit integers.
 const BLOCK: usize = 8;
 
 /// Number of codes per iteration of loops that only compare.
@@ -32,7 +32,7 @@ type Block<T> = [T; BLOCK];
 
 /// The integer type of a sample.
 pub(super) trait Code: Copy + Default + Ord + TryFrom<u32> {
-    /// Largest value of the type.
+    /// Largest value that a sample of the type can have.
     const MAX: Self;
 
     /// Returns the low 15 bits of the sample; samples that need more bits are saturated and masked out.
@@ -57,7 +57,7 @@ impl Code for u16 {
     }
 }
 
-/// The constants of the loop for one set of exposures.
+/// The constants of the linear loop for one set of exposures.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Linear {
     /// Reciprocal of the shortest exposure, then the difference that each longer exposure adds.
@@ -69,15 +69,15 @@ pub(super) struct Linear {
     shift: u8,
     white: u32,
     saturated: u32,
-    /// Reciprocal of the shortest exposure, from which the rounded reciprocals are derived.
+    /// Reciprocal of the shortest exposure before rounding to 16 bits, from which the other reciprocals are derived.
     one: NonZeroU32,
 }
 
-/// The constants for the exposures from one index to the last.
+/// The constants of the linear loop for the exposures from one index to the last.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Suffix {
     pub(super) linear: Linear,
-    /// Number of counts of the merge of all exposures per count of these exposures.
+    /// Number of counts of the merge of all exposures that one count of the merge of these exposures equals.
     pub(super) unit: f32,
 }
 
@@ -101,7 +101,7 @@ impl Suffixes {
         Some(Self(suffixes))
     }
 
-    /// Returns the constants of the exposures from index `from` on.
+    /// Returns the constants for the exposures from index `from` to the last; `None` if there are none.
     pub(super) fn of(&self, from: usize) -> Option<&Suffix> {
         self.0.get(from)?.as_ref()
     }
@@ -185,7 +185,7 @@ impl Linear {
         sums: &mut [i16],
         reciprocals: &mut [i16],
     ) -> bool {
-        // A white level above the type's range clips no sample; the comparison does not support a saturation level above it.
+        // A white level above the type's range clips no sample. The comparison does not support a saturation level above that range.
         let white = T::try_from(self.white).unwrap_or(T::MAX);
         let count = sums.len().min(reciprocals.len());
         if codes.iter().any(|c| c.len() < count) {
@@ -216,7 +216,8 @@ impl Linear {
         true
     }
 
-    /// Merges block by block. The last block overlaps its predecessor; fewer samples than a block are padded with zeros.
+    /// Merges samples block by block. The last block overlaps its predecessor; if there are fewer samples than a block has, they are padded
+    /// with zeros.
     #[inline(always)]
     fn each_block<T: Code, const N: usize>(
         &self,
@@ -278,7 +279,7 @@ struct LongestOr<T> {
 struct Any<T> {
     white: T,
     saturated: T,
-    /// Not 0 in a lane whose result is not the radiance.
+    /// Not 0 in each lane whose result is not the radiance.
     doubts: Block<i16>,
 }
 
@@ -327,7 +328,7 @@ impl<T: Code, const N: usize> Case<T, N> for Any<T> {
     }
 }
 
-/// Returns the first `count` elements.
+/// Returns the first `count` elements of `values`.
 #[inline(always)]
 fn first_of(values: &mut [i16], count: usize) -> &mut [i16] {
     values.get_mut(..count).unwrap_or_default()

@@ -58,7 +58,7 @@ pub struct Merge<C, P, R> {
 #[derive(Clone, Copy, Debug)]
 struct Parameters {
     merge_loop: MergeLoop,
-    /// 1 / gain of each exposure, relative to the least gain, with [`GAIN_BITS`] fraction bits.
+    /// Reciprocal of the gain of each exposure, relative to the least gain, with [`GAIN_BITS`] fraction bits.
     inverse_gain: [u32; MAX_EXPOSURES],
     /// Number of table counts per unit of [`Curve::exposure_q27`].
     plain: f32,
@@ -72,32 +72,32 @@ struct Parameters {
 #[derive(Clone, Copy, Debug)]
 pub struct MergeView<'a> {
     pub(crate) mode: MergeMode,
-    /// The codes of the single exposure whose texels are marked.
+    /// The codes from which on texels are marked; `None` unless the single exposure of a window is merged.
     pub(crate) limits: Option<Limits>,
     curve: Curve<&'a [i32]>,
     tables: &'a [u32],
-    /// One element for each bit mask of valid exposures.
+    /// The conversion for each bit mask of valid exposures.
     reciprocals: &'a [Reciprocal],
     parameters: &'a Parameters,
 }
 
-/// Codes of an exposure from which a pixel cannot be compared with other exposures.
+/// Codes of an exposure from which on a pixel cannot be compared with other exposures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Limits {
     /// Smallest code that would be saturated in the next longer exposure.
     pub(crate) bright: u32,
-    /// Smallest code that makes the texel invalid in this exposure.
+    /// Smallest code of a pixel that makes the pixel's texel invalid in this exposure.
     pub(crate) clipped: u32,
-    /// Smallest saturated code.
+    /// Smallest saturated code of this exposure.
     pub(crate) saturated: u32,
 }
 
 /// Number of elements of each buffer of a merge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MergeSize {
-    /// Entries of the exposure tables.
+    /// Number of entries of the exposure tables.
     pub tables: usize,
-    /// Reciprocals of sums of exposure times: one for each subset of the exposures.
+    /// Number of reciprocals of sums of exposure times: one for each subset of the exposures.
     pub reciprocals: usize,
 }
 
@@ -117,7 +117,7 @@ fn linear<C>(curve: &Curve<C>, exposures: &[Exposure]) -> Option<Suffixes> {
     Suffixes::find(exposures, curve.linear_levels()?, curve.saturated())
 }
 
-/// Fraction bits of reciprocals of gains.
+/// Number of fraction bits of the reciprocals of gains.
 const GAIN_BITS: u32 = 30;
 
 /// Number of bits of an integer radiance: the sum of 16 radiances fits 32 bits.
@@ -152,12 +152,12 @@ impl<C: AsRef<[i32]>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
             None => MergeLoop::Plain,
         };
         let plain_one = f64::from(1u32 << CURVE_BITS);
-        // Table counts of relative exposure 1, and the relative exposure that is added to every entry.
+        // `one` is the number of table counts of relative exposure 1, `raised` the relative exposure that is added to every entry.
         let (one, raised) = match &merge_loop {
             MergeLoop::Table(scale) => (scale.one, scale.raised),
             _ => (plain_one, 0.0),
         };
-        // Integer counts of relative exposure 1 in the shortest exposure.
+        // `counts` is the number of integer counts of relative exposure 1 in the shortest exposure.
         let counts = match (&merge_loop, curve.linear_levels()) {
             (MergeLoop::Linear(l), Some(levels)) => l.counts_per_code() * (levels.white - levels.black),
             (MergeLoop::Table(table::Scale { whole: Some(whole), .. }), _) => whole.one,
@@ -203,7 +203,7 @@ impl<C: AsRef<[i32]>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
         Detached { curve: self.curve.over(()), parameters: self.parameters }
     }
 
-    /// Returns the number of elements in use of each buffer.
+    /// Returns the number of elements in use of each buffer of the merge.
     #[must_use]
     pub fn size(&self) -> MergeSize {
         let tables = if let MergeLoop::Table(_) = self.parameters.merge_loop {
@@ -216,12 +216,12 @@ impl<C: AsRef<[i32]>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
 }
 
 impl<'a> MergeView<'a> {
-    /// The response.
+    /// Returns the response curve of the merge.
     pub(crate) fn curve(&self) -> Curve<&'a [i32]> {
         self.curve
     }
 
-    /// The same merge, for frames whose texels are marked where codes reach `limits`.
+    /// Returns the same merge for frames whose texels are marked where codes reach `limits`.
     pub(crate) fn marking(self, limits: Limits) -> Self {
         Self { limits: Some(limits), ..self }
     }
@@ -234,7 +234,7 @@ impl MergeView<'_> {
         self.parameters.unit
     }
 
-    /// Returns an upper bound of the result of any sample, counts.
+    /// Returns an upper bound of the merged radiance of any sample, counts.
     #[must_use]
     pub fn most(&self) -> f64 {
         // Full scale of the shortest exposure, scaled to the longest time, with a margin of a factor of 2.
@@ -244,7 +244,7 @@ impl MergeView<'_> {
         }
     }
 
-    /// Returns the depth of the samples.
+    /// Returns the depth of the samples that are merged.
     #[must_use]
     pub fn depth(&self) -> Depth {
         self.curve.depth()
@@ -310,7 +310,7 @@ impl MergeView<'_> {
         if is_alone { self.tables(scale).sums(planes, channels, sums) } else { None }
     }
 
-    /// Returns the smallest saturated code.
+    /// Returns the smallest code that counts as saturated.
     pub(crate) fn saturated(&self) -> u32 {
         self.curve.saturated()
     }
@@ -365,7 +365,7 @@ impl MergeView<'_> {
         true
     }
 
-    /// Returns the exposure tables with their number format.
+    /// Returns the exposure tables together with their number format.
     fn tables<'a>(&'a self, scale: &'a table::Scale) -> table::Tables<'a> {
         table::Tables { rows: self.tables.as_chunks().0, exposures: self.parameters.count, scale }
     }

@@ -53,13 +53,13 @@ impl MergeView<'_> {
         )
     }
 
-    /// Returns the relative exposure divided by the gain of `code` in exposure `i`, with 27 fraction bits.
+    /// Returns the relative exposure of `code` in exposure `i`, divided by the gain of the exposure, with 27 fraction bits.
     fn exposure(&self, channel: usize, code: u32, i: usize) -> i32 {
         let y = i64::from(self.curve.exposure_q27(channel, code));
         ((y * i64::from(self.parameters.inverse_gain.get(i).copied().unwrap_or(0))) >> GAIN_BITS) as i32
     }
 
-    /// Returns the radiance of the exposure sum `sum` over the exposures in `mask`.
+    /// Returns the radiance of a sample whose relative exposures over the exposures in `mask` add up to `sum`.
     fn radiance(&self, sum: i32, mask: usize) -> f32 {
         let factor = self.reciprocals.get(mask).map_or(0.0, |r| r.factor);
         sum as f32 * self.parameters.plain * factor

@@ -14,25 +14,25 @@ use crate::response::{CURVE_BITS, Curve};
 /// Number of entries per exposure: 256 codes of three channels.
 pub(super) const ENTRIES: usize = 3 * 256;
 
-/// Largest number of exposures that are merged into integers.
+/// Largest number of exposures that are merged into integers by tables.
 const MAX_UNROLLED: usize = 4;
 
-/// Largest ratio of the sum of times to the shortest time: the darkest code then contributes at least tens of counts.
+/// Largest ratio of the sum of the exposure times to the shortest time: the darkest code then contributes at least tens of counts.
 const WIDEST: f64 = 128.0;
 
-/// Number of samples per iteration.
+/// Number of samples per iteration of the table lookup.
 const STEP: usize = 8;
 
 /// Number of flag bits of integer merges: one per exposure and [`DARK`]. The flags change the result by less than one count.
 const WHOLE_MARKS: u32 = MAX_UNROLLED as u32 + 1;
 
-/// The entries of one exposure and channel.
+/// The table entries of one exposure and channel.
 type Row = [u32; 256];
 
-/// The number format of the entries.
+/// The number format of the table entries.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scale {
-    /// Number of flag bits.
+    /// Number of flag bits of an entry.
     marks: u32,
     /// Number of table counts of relative exposure 1 in an exposure of the least gain.
     pub(super) one: f64,
@@ -45,7 +45,8 @@ pub(super) struct Scale {
 /// The constants of the integer merge.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Whole {
-    /// Factor for each mask of valid exposures, with 32 fraction bits; 0 for a mask that does not determine the radiance.
+    /// Factor from a sum of entries to radiance for each mask of valid exposures, with 32 fraction bits; 0 for a mask that does not
+    /// determine the radiance.
     reciprocals: [u32; 32],
     /// First trusted code and first saturated code.
     valid: [u8; 2],
@@ -64,7 +65,7 @@ pub(super) fn fill<C: AsRef<[i32]>>(tables: &mut [u32], curve: &Curve<C>, exposu
     let seconds: f64 = exposures.iter().map(|e| e.seconds).sum();
     let is_whole = least >= 0.0 && exposures.len() <= MAX_UNROLLED && seconds <= WIDEST * shortest;
     let marks = if is_whole { WHOLE_MARKS } else { exposures.len() as u32 };
-    // Rounding adds up to half a count per exposure.
+    // The rounding of the entries adds up to half a count per exposure.
     let one = ((1u64 << (32 - marks)) as f64 - 32.0) / ((most - least) * all);
     let rows = tables.as_chunks_mut::<256>().0;
     for (channel, rows) in rows.chunks_exact_mut(exposures.len().max(1)).enumerate() {
@@ -90,7 +91,7 @@ const DARK: u32 = 1 << MAX_UNROLLED;
 impl Whole {
     fn of<C: AsRef<[i32]>>(curve: &Curve<C>, exposures: &[Exposure], shortest: f64, one: f64) -> Self {
         let many = exposures.len();
-        // Full scale of the shortest exposure alone is 2^COUNT_BITS.
+        // The full scale of the shortest exposure alone is 2^COUNT_BITS.
         let full = f64::from(1u32 << COUNT_BITS);
         let reciprocal = |mask: usize| {
             let alone = mask == DARK as usize;
@@ -241,7 +242,7 @@ fn sum_up(rows: [&Row; 3], planes: &[&[u8]; 3], sums: &mut [[i32; 4]]) {
     }
 }
 
-/// Returns 255 for true, 0 for false.
+/// Returns 255 if `is`, otherwise 0.
 fn mask(is: bool) -> u8 {
     if is { u8::MAX } else { 0 }
 }
@@ -263,7 +264,7 @@ fn step<const S: usize, const U: usize, const K: usize>(
     }
 }
 
-/// The tables of a burst: for each channel, the entries of all exposures.
+/// The tables of a burst: for each channel, the entries of every exposure.
 pub(super) struct Tables<'a> {
     pub(super) rows: &'a [Row],
     pub(super) exposures: usize,
@@ -271,7 +272,7 @@ pub(super) struct Tables<'a> {
 }
 
 impl Tables<'_> {
-    /// Returns the entries of all exposures of `channel`.
+    /// Returns the entries of every exposure for `channel`.
     fn of(&self, channel: usize) -> &[Row] {
         self.rows.chunks_exact(self.exposures.max(1)).nth(channel).unwrap_or_default()
     }

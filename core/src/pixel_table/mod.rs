@@ -19,9 +19,9 @@ use visit::{measure, span, survey, visit_runs};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Span {
-    /// Index of the first column.
+    /// Index of the first column inside of the image circle.
     pub first: u32,
-    /// Number of columns.
+    /// Number of columns inside of the image circle.
     pub len: u32,
 }
 
@@ -42,13 +42,13 @@ impl Run {
         Self(texel << 8 | len as u32)
     }
 
-    /// Returns the index of the texel, below 2^24.
+    /// Returns the index of the run's texel, below 2^24.
     #[must_use]
     pub const fn texel(self) -> usize {
         (self.0 >> 8) as usize
     }
 
-    /// Returns the number of pixels, at most 16.
+    /// Returns the number of pixels of the run, at most 16.
     #[must_use]
     pub const fn len(self) -> usize {
         (self.0 & 255) as usize
@@ -106,7 +106,7 @@ pub struct PixelTable<S, W, R, T> {
     numbers: Numbers,
 }
 
-/// The scalar values of a pixel table.
+/// The scalar values of a pixel table, such as sizes and sums.
 #[derive(Clone, Copy, Debug)]
 struct Numbers {
     image: ImageSize,
@@ -175,25 +175,25 @@ impl Detached {
 pub struct PixelTableView<'a> {
     /// Size of the merged image.
     pub image: ImageSize,
-    /// Order of the map.
+    /// HEALPix order of the map.
     pub order: u8,
     /// Source order: the order at which light is accumulated, at most `order`.
     pub source_order: u8,
-    /// The columns inside the image circle, per image row.
+    /// The columns inside of the image circle, one span per image row.
     pub spans: &'a [Span],
     /// Weight of each run: mean solid angle of its pixels divided by relative illumination, in units of `weight_unit`.
     pub weights: &'a [u16],
     /// Texel and length of each run, in the order in which its pixels lie in memory.
     pub runs: &'a [Run],
-    /// Geometry of the texels of the map, at `order`.
+    /// Geometry of each texel of the map, at `order`.
     pub texels: &'a [Texel],
-    /// Steradians per unit of weight.
+    /// Solid angle per unit of weight, steradians.
     pub weight_unit: f64,
     /// Sum of the weights of all pixels, in units of `weight_unit`.
     pub weight_sum: u64,
     /// Largest sum of the pixel weights of one texel, in units of `weight_unit`.
     pub heaviest_texel: u32,
-    /// Share of the hemisphere's solid angle outside of the field of view, 0..=1.
+    /// Fraction of the hemisphere's solid angle outside of the field of view, 0..=1.
     pub unseen: f64,
 }
 
@@ -201,13 +201,13 @@ pub struct PixelTableView<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PixelTableSize {
-    /// Image rows.
+    /// Number of image rows.
     pub spans: usize,
-    /// Weights: one per run.
+    /// Number of weights: one per run.
     pub weights: usize,
-    /// Runs of adjacent pixels with a common texel and weight.
+    /// Number of runs of adjacent pixels with a common texel and weight.
     pub runs: usize,
-    /// Texels of the map.
+    /// Number of texels of the map.
     pub texels: usize,
 }
 
@@ -271,7 +271,7 @@ impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> PixelTab
         Ok(pixel_table)
     }
 
-    /// Writes spans, runs and weights, and counts the runs.
+    /// Writes the spans, runs and weights of the table, and counts the runs.
     fn lay_out(&mut self, lens: &Lens) {
         let Numbers { image, source_order, weight_unit: unit, .. } = self.numbers;
         for (row, slot) in (0..image.height).zip(self.buffers.spans.as_mut()) {
@@ -300,12 +300,12 @@ impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> PixelTab
                 texel.unseen_sr += f32::from(*weight) * run.len() as f32;
             }
         }
-        // Sums are rounded to 24 bits.
+        // The sums were rounded to 24 bits.
         let heaviest = texels.iter().fold(0.0f32, |most, texel| most.max(texel.unseen_sr));
         self.numbers.heaviest_texel = (1.001 * heaviest) as u32;
     }
 
-    /// Computes the geometry of the texels, and the share of the hemisphere outside of the field of view.
+    /// Computes the geometry of the texels, and the fraction of the hemisphere outside of the field of view.
     fn measure_texels(&mut self, lens: &Lens) {
         let mut unseen = 0.0;
         let texels = self.buffers.texels.as_mut().get_mut(..self.numbers.size.texels).unwrap_or_default();
@@ -325,7 +325,7 @@ impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> PixelTab
         self.detached().over(Buffers { spans, weights, runs, texels })
     }
 
-    /// Returns the scalar values without the buffers.
+    /// Returns the scalar values of the table without its buffers.
     pub(crate) fn detached(&self) -> Detached {
         Detached { numbers: self.numbers }
     }
@@ -336,25 +336,25 @@ impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> PixelTab
         self.buffers.texels.as_ref().get(..self.numbers.size.texels).unwrap_or_default()
     }
 
-    /// Returns the number of elements in use of each buffer.
+    /// Returns the number of elements in use of each buffer of the table.
     #[must_use]
     pub fn size(&self) -> PixelTableSize {
         self.numbers.size
     }
 
-    /// Returns the number of image columns.
+    /// Returns the number of columns of the merged image.
     #[must_use]
     pub fn width(&self) -> u32 {
         self.numbers.image.width
     }
 
-    /// Returns the number of image rows.
+    /// Returns the number of rows of the merged image.
     #[must_use]
     pub fn height(&self) -> u32 {
         self.numbers.image.height
     }
 
-    /// Returns the order of the map.
+    /// Returns the HEALPix order of the map.
     #[must_use]
     pub fn order(&self) -> u8 {
         self.numbers.order
@@ -366,7 +366,7 @@ impl<S: Buffer<Span>, W: Buffer<u16>, R: Buffer<Run>, T: Buffer<Texel>> PixelTab
         self.numbers.source_order
     }
 
-    /// Returns the share of the hemisphere's solid angle outside of the field of view, 0..=1.
+    /// Returns the fraction of the hemisphere's solid angle outside of the field of view, 0..=1.
     #[must_use]
     pub fn unseen(&self) -> f64 {
         self.numbers.unseen

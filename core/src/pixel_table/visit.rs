@@ -6,11 +6,11 @@ use crate::healpix::{self, Domain};
 use crate::lens::Lens;
 use glam::{DVec2, DVec3};
 
-/// Least ratio of the solid angle of a texel to the solid angle of the largest pixel. 2.25 makes a texel 1.5 pixels wide, so that each texel
-/// contains the centre of at least one pixel. A smaller ratio leaves texels without pixels; a larger one blurs the map.
+/// Least ratio of the solid angle of a texel to the solid angle of the largest pixel. With 2.25, a texel is 1.5 pixels wide and contains the
+/// centre of at least one pixel. A smaller ratio leaves texels without pixels; a larger one blurs the map.
 const TEXEL_OVER_PIXEL: f64 = 2.25;
 
-/// Number of sample points along each side of a texel that measure its unseen solid angle.
+/// Number of sample points along each side of a texel by which its solid angle outside of the field of view is measured.
 const SHARE_SAMPLES: u32 = 4;
 
 /// Largest relative difference of a pixel's weight from the mean weight of its run, per radian of pixel width: 0.25 % at 640 x 480 pixels.
@@ -19,7 +19,7 @@ const SHARE_SAMPLES: u32 = 4;
 /// texel at every resolution.
 const WEIGHT_ERROR: f64 = 0.49;
 
-/// Number of pixels inside the image circle, and extremes over them.
+/// Number of pixels inside of the image circle, and their largest solid angle and weight.
 #[derive(Default)]
 pub(super) struct Survey {
     count: usize,
@@ -29,7 +29,7 @@ pub(super) struct Survey {
     pub(super) heaviest: f64,
 }
 
-/// Computes the extremes over all pixels inside the image circle.
+/// Counts the pixels inside of the image circle and finds their largest solid angle and weight.
 pub(super) fn survey(lens: &Lens, image: ImageSize) -> Result<Survey, PixelTableError> {
     let mut survey = Survey::default();
     for row in 0..image.height {
@@ -43,14 +43,14 @@ pub(super) fn survey(lens: &Lens, image: ImageSize) -> Result<Survey, PixelTable
 }
 
 impl Survey {
-    /// Returns the finest order, at most `order`, whose texels are [`TEXEL_OVER_PIXEL`] times as large as the largest pixel.
+    /// Returns the finest HEALPix order, at most `order`, whose texels are [`TEXEL_OVER_PIXEL`] times as large as the largest pixel.
     pub(super) fn source_order(&self, order: u8) -> Result<u8, PixelTableError> {
         let fits = |order: &u8| healpix::solid_angle(*order) >= TEXEL_OVER_PIXEL * self.largest;
         (0..=order).rev().find(fits).ok_or(PixelTableError::BadOrder)
     }
 }
 
-/// Finds the columns of `row` inside the image circle; they are contiguous since a circle is convex.
+/// Returns the columns of `row` inside of the image circle; they are contiguous since a circle is convex.
 pub(super) fn span(lens: &Lens, width: u32, row: u32) -> Span {
     let seen = |column: &u32| lens.unproject(DVec2::new(f64::from(*column), f64::from(row))).is_some();
     let first = (0..width).find(seen);
@@ -65,7 +65,7 @@ pub(super) fn span(lens: &Lens, width: u32, row: u32) -> Span {
 struct Pixel {
     direction: DVec3,
     solid_angle: f64,
-    /// Solid angle divided by relative illumination, steradians.
+    /// Solid angle of the pixel divided by relative illumination, steradians.
     weight: f64,
 }
 

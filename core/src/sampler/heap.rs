@@ -3,7 +3,7 @@
 //! `heapless::BinaryHeap` has a capacity that is constant at compile time. The length of the lent slice is set at run time, and the slice
 //! holds the leaves of the finished tree afterwards.
 
-/// Moves the last element up to its position.
+/// Moves the last element of `heap` up to its position.
 pub(super) fn sift_up<T: Copy>(heap: &mut [T], before: fn(&T, &T) -> bool) {
     let mut i = heap.len().saturating_sub(1);
     while let Some((above, own)) = heap.split_at_mut_checked(i)
@@ -15,7 +15,7 @@ pub(super) fn sift_up<T: Copy>(heap: &mut [T], before: fn(&T, &T) -> bool) {
     }
 }
 
-/// Removes the root, moves it to the last element and restores the heap in the other elements.
+/// Removes the root of `heap`, moves it to the last element and restores the heap in the other elements.
 pub(super) fn pop<T: Copy>(heap: &mut [T], before: fn(&T, &T) -> bool) -> Option<T> {
     let (last, heap) = heap.split_last_mut()?;
     let Some(first) = heap.first_mut() else { return Some(*last) };

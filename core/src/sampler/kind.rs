@@ -48,7 +48,7 @@ impl SamplerKind {
         names
     };
 
-    /// Returns the name in commands, settings and light sets.
+    /// Returns the name of the sampler in commands, settings and light sets.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

@@ -28,7 +28,7 @@ pub use timer::Timer;
 /// The input of a sampler for one frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Map<'a> {
-    /// The HEALPix pyramid.
+    /// The HEALPix pyramid of the map.
     pub pyramid: PyramidView<'a>,
     /// The latitude-longitude map; [`LatLongView::NONE`] for samplers that [do not read it](Sampler::needs_polar).
     pub polar: LatLongView<'a>,

@@ -20,9 +20,9 @@ const BELOW_ONE: f64 = 1.0 - 1.0 / 16_777_216.0;
 /// The buffers of [`Pharr`]; their lengths are in [`Sizes`].
 #[derive(Clone, Debug)]
 pub struct Memory<C, M, L> {
-    /// Cumulative distribution of each row over its columns.
+    /// Cumulative distribution of each row of the map over its columns.
     pub conditional: C,
-    /// Cumulative distribution over the rows.
+    /// Cumulative distribution of the map over its rows.
     pub marginal: M,
     /// One [`Light`] per light of the set.
     pub lights: L,
@@ -33,11 +33,11 @@ pub struct Memory<C, M, L> {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub struct Sizes {
-    /// Elements of [`Memory::conditional`]: one per texel.
+    /// Number of elements of [`Memory::conditional`]: one per texel.
     pub texels: usize,
-    /// Elements of [`Memory::marginal`]: one per row.
+    /// Number of elements of [`Memory::marginal`]: one per row.
     pub rows: usize,
-    /// Elements of [`Memory::lights`].
+    /// Number of elements of [`Memory::lights`].
     pub lights: usize,
 }
 
@@ -48,7 +48,7 @@ impl Sizes {
         Self { texels: grid.len(), rows: grid.height, lights }
     }
 
-    /// Returns name and size of each buffer.
+    /// Returns name and size of each buffer of the sampler.
     #[must_use]
     pub const fn buffers(&self) -> [BufferSize; 3] {
         [
@@ -113,7 +113,7 @@ impl<C: Buffer<f32>, M: Buffer<f64>, L: Buffer<Light>> Pharr<C, M, L> {
         self.lights.as_ref().len()
     }
 
-    /// Computes the cumulative distributions; returns the luminance energy of the map.
+    /// Computes the cumulative distributions of `map`; returns the luminance energy of the map.
     fn distribute(&mut self, map: &LatLongView<'_>) -> f64 {
         let width = map.grid.width;
         let rows = map
@@ -169,7 +169,7 @@ struct Sample {
     solid_angle: f64,
 }
 
-/// Returns the luminance of a texel; 0 for negative or non-finite energy.
+/// Returns the luminance energy of a texel; 0 for negative or non-finite energy.
 fn light_of(rgb: [f32; 3]) -> f64 {
     f64::from(luminance(sound(rgb)))
 }
@@ -206,7 +206,7 @@ impl<C: Buffer<f32>, M: Buffer<f64>, L: Buffer<Light>> Sampler for Pharr<C, M, L
             let Sample { direction, rgb, solid_angle } =
                 self.sample(&map.polar, total, halton::point(i as u32 + 1));
             let y = light_of(rgb);
-            // Solid angle that the light represents, 1 / (N pdf), as a cap.
+            // The cap has the solid angle that the light represents, 1 / (N pdf).
             let cap = solid_angle * each / y;
             let radius_deg = libm::acos((1.0 - cap / TAU).clamp(-1.0, 1.0)).to_degrees() as f32;
             let light = &mut self.lights.as_mut()[i];

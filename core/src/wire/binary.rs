@@ -120,12 +120,12 @@ pub fn binary<W: Write>(set: &LightSet<'_>, w: &mut W) -> Result<(), W::Error> {
     w.write_all(reason.as_bytes())
 }
 
-/// The header of a set.
+/// The values in the header of a binary light set.
 struct Head {
     bytes: [u8; HEAD],
 }
 
-/// The offsets that depend on the flags.
+/// The offsets in a binary light set that depend on the flags.
 struct Extent {
     /// Offset of `unit_uncertainty`.
     uncertainty: usize,
@@ -175,7 +175,7 @@ fn encoded(light: &Light, axes: Coordinates) -> [u8; LIGHT] {
     bytes
 }
 
-/// Returns the longest prefix of whole characters whose length fits a `u16`.
+/// Returns the longest prefix of `text` that consists of whole characters and whose length in bytes fits a `u16`.
 fn short(text: &str) -> &str {
     let mut end = text.len().min(usize::from(u16::MAX));
     while !text.is_char_boundary(end) {
@@ -191,11 +191,11 @@ fn short(text: &str) -> &str {
 pub enum DecodeError {
     /// The bytes do not begin with `HMLX`.
     NotALightSet,
-    /// A version other than 1.
+    /// The version of the set is not 1.
     Version(u16),
-    /// Fewer bytes than the header requires.
+    /// There are fewer bytes than the header requires.
     TooShort,
-    /// An inconsistent header, or text that is not UTF-8.
+    /// The header is inconsistent, or a text is not UTF-8.
     Malformed,
 }
 
@@ -277,7 +277,8 @@ impl<'a> BinarySet<'a> {
         if set.is_in_range() { Ok(set) } else { Err(DecodeError::Malformed) }
     }
 
-    /// Returns whether directions have unit length, all numbers are finite, and all but directions and harmonics are at least 0.
+    /// Returns whether the directions of the set have unit length, all numbers are finite, and all but directions and harmonics are at
+    /// least 0.
     fn is_in_range(&self) -> bool {
         let finite = |bytes: &[u8]| bytes.chunks_exact(4).all(|b| f32::from_le_bytes(at(b, 0)).is_finite());
         let positive = |bytes: &[u8]| finite(bytes) && bytes.chunks_exact(4).all(|b| f32_at(b, 0) >= 0.0);
@@ -292,7 +293,7 @@ impl<'a> BinarySet<'a> {
             && self.lights.chunks_exact(self.stride).all(light)
     }
 
-    /// Returns all fields except the lights and `ambient_sh`, which [`Self::lights`] and [`Self::ambient_sh`] return.
+    /// Returns all fields of the set except the lights and `ambient_sh`, which [`Self::lights`] and [`Self::ambient_sh`] return.
     #[must_use]
     pub fn head(&self) -> LightSet<'a> {
         let flag = |bit| byte_at(self.head, 48) & bit != 0;
@@ -335,7 +336,7 @@ impl<'a> BinarySet<'a> {
         }
     }
 
-    /// Returns the lights, in the order in which they were written.
+    /// Returns the lights of the set, in the order in which they were written.
     pub fn lights(&self) -> impl ExactSizeIterator<Item = Light> + 'a {
         self.lights.chunks_exact(self.stride).map(|bytes| Light {
             id: u32_at(bytes, 0),
@@ -355,7 +356,7 @@ impl<'a> BinarySet<'a> {
     }
 }
 
-/// Returns the bytes at `at`; zeros beyond the end, which `try_new` excludes.
+/// Returns `N` bytes from position `at`; zeros beyond the end, which `try_new` excludes.
 fn at<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
     bytes.get(at..at + N).and_then(|b| b.try_into().ok()).unwrap_or([0; N])
 }
@@ -376,7 +377,7 @@ fn u64_at(bytes: &[u8], offset: usize) -> u64 {
     u64::from_le_bytes(at(bytes, offset))
 }
 
-/// Returns the float at `offset`; a non-finite float counts as 0, as in the other forms.
+/// Returns the float at `offset`; 0 for a float that is not finite, as in the other forms.
 fn f32_at(bytes: &[u8], offset: usize) -> f32 {
     number(f32::from_le_bytes(at(bytes, offset)))
 }

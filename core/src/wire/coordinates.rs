@@ -29,7 +29,7 @@ pub enum Coordinates {
     Unreal,
 }
 
-/// The names that requests accept, aliases included.
+/// The names of coordinate systems that requests accept, aliases included.
 const NAMES: [(&str, Coordinates); 9] = [
     ("probe", Coordinates::Probe),
     ("blender", Coordinates::Probe),
@@ -49,12 +49,12 @@ impl Coordinates {
         NAMES.iter().find(|(n, _)| *n == name).map(|(_, c)| *c)
     }
 
-    /// Returns all names, aliases included.
+    /// Returns all names of coordinate systems, aliases included.
     pub fn names() -> impl Iterator<Item = &'static str> {
         NAMES.iter().map(|(n, _)| *n)
     }
 
-    /// Returns the name in light sets.
+    /// Returns the name of the coordinate system in light sets.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -101,7 +101,7 @@ fn mirror_z(c: &Sh9) -> Sh9 {
     negated(c, [2, 5, 7])
 }
 
-/// Returns `c` with the coefficients of the three indices `which` negated.
+/// Returns the harmonics `c` with the coefficients of the three indices `which` negated.
 fn negated(c: &Sh9, which: [usize; 3]) -> Sh9 {
     core::array::from_fn(|i| if which.contains(&i) { c[i].map(|v| -v) } else { c[i] })
 }

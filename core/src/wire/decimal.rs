@@ -3,10 +3,10 @@
 use super::{number, put};
 use embedded_io::Write;
 
-/// Largest number of significant digits of an `f32`.
+/// Largest number of significant digits that an `f32` needs.
 const DIGITS: usize = 9;
 
-/// Writes an unsigned integer.
+/// Writes the unsigned integer `n`.
 pub(super) fn whole<W: Write>(w: &mut W, n: u64) -> Result<(), W::Error> {
     let mut digits = [b'0'; 20];
     let (mut high, mut used) = (n, 0);
@@ -52,7 +52,7 @@ pub(super) fn decimal<W: Write>(w: &mut W, v: f32) -> Result<(), W::Error> {
     zeros(w, (power + 1).saturating_sub(used))
 }
 
-/// Writes `count` zeros.
+/// Writes `count` zeros as text.
 fn zeros<W: Write>(w: &mut W, count: usize) -> Result<(), W::Error> {
     (0..count).try_for_each(|_| put(w, "0"))
 }

@@ -1,6 +1,6 @@
 //! Reductions of a light set relative to the settings, which keep a frame within its time budget.
 
-/// A kind of reduction.
+/// A kind of reduction of a light set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -11,15 +11,15 @@ pub enum Step {
     Order,
     /// The set has fewer lights.
     Lights,
-    /// Bursts are left out.
+    /// Bursts are skipped.
     Rate,
 }
 
 impl Step {
-    /// All kinds, in the order in which they are applied.
+    /// All kinds of reductions, in the order in which they are applied.
     pub const ALL: [Self; 4] = [Self::Exposures, Self::Order, Self::Lights, Self::Rate];
 
-    /// Returns the name in light sets and counters.
+    /// Returns the name of the kind in light sets and counters.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -31,7 +31,7 @@ impl Step {
     }
 }
 
-/// The number of reductions of each kind.
+/// The number of reductions of each kind in a light set.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Degraded([u8; Step::ALL.len()]);
 
@@ -52,7 +52,7 @@ impl Degraded {
         self.0.get(step as usize).copied().unwrap_or(0)
     }
 
-    /// Returns whether there is no reduction.
+    /// Returns whether the light set has no reduction.
     #[must_use]
     pub fn is_none(&self) -> bool {
         *self == Self::NONE

@@ -2,7 +2,7 @@
 
 use crate::merge::MAX_EXPOSURES;
 
-/// The contradiction between a frame and the other frames of its burst.
+/// The contradiction between a frame and the other frames of its burst, for which the frame was left out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -19,13 +19,13 @@ pub enum FrameFault {
     Torn,
     /// The frame holds the same samples as a frame of another exposure.
     Repeated,
-    /// The frame has no fault, but the shortest exposure of its burst has: the brightest radiance is unknown without it, so the light set of the
-    /// burst before is repeated.
+    /// The frame has no fault, but the shortest exposure of its burst has: without that exposure the brightest radiance is unknown, so the light
+    /// set of the previous burst is repeated.
     Incomplete,
 }
 
 impl FrameFault {
-    /// All kinds, in the order of [`FrameFault::index`].
+    /// All kinds of contradictions, in the order of [`FrameFault::index`].
     pub const ALL: [Self; 7] = [
         Self::Black,
         Self::Saturated,
@@ -36,7 +36,7 @@ impl FrameFault {
         Self::Incomplete,
     ];
 
-    /// Returns the name in light sets and counters.
+    /// Returns the name of the contradiction in light sets and counters.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -50,7 +50,7 @@ impl FrameFault {
         }
     }
 
-    /// Returns the position in [`FrameFault::ALL`].
+    /// Returns the position of the contradiction in [`FrameFault::ALL`].
     #[must_use]
     pub fn index(self) -> usize {
         self as usize
@@ -62,7 +62,7 @@ impl FrameFault {
 pub struct FramesLeftOut([Option<FrameFault>; MAX_EXPOSURES]);
 
 impl FramesLeftOut {
-    /// The empty set: all frames were merged.
+    /// The value for a burst of which all frames were merged.
     pub const NONE: Self = Self([None; MAX_EXPOSURES]);
 
     /// Adds the frame with index `index`; indices of [`MAX_EXPOSURES`] and above are ignored.
@@ -72,29 +72,29 @@ impl FramesLeftOut {
         }
     }
 
-    /// Returns whether the frame with index `index` was left out.
+    /// Returns whether the frame with index `index` was not merged.
     #[must_use]
     pub fn contains(&self, index: usize) -> bool {
         matches!(self.0.get(index), Some(Some(_)))
     }
 
-    /// Returns whether all frames were merged.
+    /// Returns whether all frames of the burst were merged.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.iter().all(Option::is_none)
     }
 
-    /// Returns the frames that were left out, in ascending order of their index.
+    /// Returns the frames that were not merged, in ascending order of their index.
     pub fn iter(&self) -> impl Iterator<Item = FrameLeftOut> + '_ {
         self.0.iter().enumerate().filter_map(|(index, fault)| Some(FrameLeftOut { index, fault: (*fault)? }))
     }
 }
 
-/// A frame that was not merged.
+/// A frame of a burst that was not merged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameLeftOut {
-    /// Index of the frame in ascending order of exposure.
+    /// Index of the frame in the burst, in ascending order of exposure.
     pub index: usize,
-    /// Reason for which the frame was left out.
+    /// Reason for which the frame was not merged.
     pub fault: FrameFault,
 }

@@ -179,7 +179,7 @@ fn count<W: Write>(w: &mut W, key: &str, n: u64) -> Result<(), W::Error> {
     whole(w, n)
 }
 
-/// Writes a quoted string with escaped quotes, backslashes and control characters.
+/// Writes the quoted string `s` with escaped quotes, backslashes and control characters.
 fn string<W: Write>(w: &mut W, s: &str) -> Result<(), W::Error> {
     put(w, "\"")?;
     for b in s.bytes() {

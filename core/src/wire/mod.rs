@@ -28,19 +28,19 @@ pub use xr::{Estimate, estimate};
 use decimal::{decimal, whole};
 use embedded_io::Write;
 
-/// The unit of irradiances.
+/// The unit of the irradiances in a light set.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Unit {
-    /// Proportional to lux by an unknown factor.
+    /// Irradiances are proportional to lux by an unknown factor.
     #[default]
     Relative,
-    /// Lux: the camera is photometrically calibrated.
+    /// Irradiances are in lux: the camera is photometrically calibrated.
     Lux,
 }
 
 impl Unit {
-    /// Returns the name in light sets.
+    /// Returns the name of the unit in light sets.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -53,19 +53,19 @@ impl Unit {
 /// Duration of each stage of one frame, microseconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Latency {
-    /// Wait for the burst, and its copy.
+    /// Duration of the wait for the burst and of its copy, microseconds.
     pub capture: u32,
-    /// Merge of the burst and accumulation in texels.
+    /// Duration of the merge of the burst and of the accumulation in texels, microseconds.
     pub front: u32,
-    /// Conversion of sums to energy, and coarser orders of the map.
+    /// Duration of the conversion of sums to energy and of the coarser orders of the map, microseconds.
     pub pyramid: u32,
-    /// Sampler without its temporal filters.
+    /// Duration of the sampler without its temporal filters, microseconds.
     pub sample: u32,
-    /// Temporal filters of the sampler.
+    /// Duration of the temporal filters of the sampler, microseconds.
     pub filter: u32,
-    /// Encoding of the previous frame's set.
+    /// Duration of the encoding of the previous frame's set, microseconds.
     pub encode: u32,
-    /// Time from the end of the burst to the finished light set.
+    /// Time from the end of the burst to the finished light set, microseconds.
     pub total: u32,
 }
 
@@ -83,12 +83,12 @@ impl Latency {
     }
 }
 
-/// The set of stages whose duration exceeds its budget.
+/// The stages of a frame whose durations exceed their budgets.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Overrun(u8);
 
 impl Overrun {
-    /// The empty set.
+    /// The value for a frame without such a stage.
     pub const NONE: Self = Self(0);
 
     /// Returns the stages of `latency` that exceed their budgets; both in microseconds.
@@ -98,7 +98,7 @@ impl Overrun {
         Self(over.enumerate().fold(0, |bits, (i, over)| bits | u8::from(over) << i))
     }
 
-    /// Returns the names of the stages, from [`Latency::NAMES`].
+    /// Returns the names of the stages that exceed their budgets, from [`Latency::NAMES`].
     pub fn names(self) -> impl Iterator<Item = &'static str> {
         Latency::NAMES
             .into_iter()
@@ -113,7 +113,7 @@ fn number(v: f32) -> f32 {
     if v.is_finite() { v } else { 0.0 }
 }
 
-/// Writes numbers with a `separator` between them.
+/// Writes the numbers `values` with a `separator` between them.
 fn numbers<W: Write>(w: &mut W, values: &[f32], separator: &str) -> Result<(), W::Error> {
     for (i, v) in values.iter().enumerate() {
         put(w, if i == 0 { "" } else { separator })?;
@@ -122,7 +122,7 @@ fn numbers<W: Write>(w: &mut W, values: &[f32], separator: &str) -> Result<(), W
     Ok(())
 }
 
-/// Writes a string without escaping.
+/// Writes the string `words` without escaping.
 fn put<W: Write>(w: &mut W, words: &str) -> Result<(), W::Error> {
     w.write_all(words.as_bytes())
 }

@@ -5,17 +5,17 @@ use crate::light::{Light, Sh9};
 use crate::mains::Flicker;
 use core::borrow::Borrow;
 
-/// Age of the last light set while no newer set exists, and the reason.
+/// Age of the last light set while no newer set exists, and the reason why none exists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stale<Text> {
-    /// Milliseconds since the set was computed.
+    /// Time since the set was computed, milliseconds.
     pub age_ms: u64,
-    /// Reason for the absence of newer sets, one sentence.
+    /// Reason why no newer set exists, one sentence.
     pub reason: Text,
 }
 
 impl<Text: AsRef<str>> Stale<Text> {
-    /// Returns the value with a borrowed reason.
+    /// Returns the age and the reason, whose text is borrowed.
     #[must_use]
     pub fn view(&self) -> Stale<&str> {
         Stale { age_ms: self.age_ms, reason: self.reason.as_ref() }
@@ -34,13 +34,13 @@ pub struct Record<Text, Lights, Harmonics> {
     pub frame: u64,
     /// CLOCK_MONOTONIC at the end of the burst, nanoseconds.
     pub timestamp_ns: u64,
-    /// Unix time, milliseconds.
+    /// Unix time of the set, milliseconds.
     pub wall_ms: u64,
-    /// `false` before the first frame.
+    /// False in a set from before the first frame.
     pub valid: bool,
-    /// Age and reason if no new burst arrives, so that the set is repeated; otherwise `None`.
+    /// Age of the set and reason why it is repeated, if no new burst arrives; otherwise `None`.
     pub stale: Option<Stale<Text>>,
-    /// Name of the sampler.
+    /// Name of the sampler that computed the lights.
     pub sampler: Text,
     /// Requested number of lights.
     pub requested: u32,
@@ -63,21 +63,21 @@ pub struct Record<Text, Lights, Harmonics> {
     pub horizontal_irradiance: [f32; 3],
     /// Lower bound of the horizontal irradiance of clipped light; part of `horizontal_irradiance`. Only in the JSON form.
     pub clipped_irradiance_at_least: [f32; 3],
-    /// Fraction of the domain's solid angle in which the shortest exposure is clipped, 0..=1.
+    /// Fraction of the solid angle of the map's domain in which the shortest exposure is clipped, 0..=1.
     pub clipped: f32,
-    /// Fraction of the domain's solid angle outside of the field of view, 0..=1.
+    /// Fraction of the solid angle of the map's domain outside of the field of view, 0..=1.
     pub unseen: f32,
-    /// Estimated shadowed error, a ratio; `None` for samplers without an estimate.
+    /// Estimated shadowed error of the set, a ratio; `None` for samplers without an estimate.
     pub estimated_error: Option<f32>,
-    /// Duration of each stage, microseconds.
+    /// Duration of each stage of the frame, microseconds.
     pub latency: Latency,
-    /// Stages over their budget; only the JSON form contains them.
+    /// Stages of the frame that exceeded their budgets; only the JSON form contains them.
     pub overrun: Overrun,
     /// Frames of the burst that were not merged; only the JSON form contains them.
     pub frames_left_out: FramesLeftOut,
     /// Reductions relative to the settings that keep a frame within its budget; only the JSON form contains them.
     pub degraded: Degraded,
-    /// Modulation by lamps on the mains that was removed; only the JSON form contains it.
+    /// Modulation by lamps on the mains that was removed from the map; only the JSON form contains it.
     pub flicker: Flicker,
 }
 
@@ -108,7 +108,7 @@ pub struct Record<Text, Lights, Harmonics> {
 /// ```
 pub type LightSet<'a> = Record<&'a str, &'a [Light], &'a Sh9>;
 
-/// Creates a [`Record`] from the given stored fields and the plain values of another record.
+/// Creates a [`Record`] from the given fields that need storage, and the plain values of another record.
 macro_rules! with_values_of {
     ($record:expr, { $($stored:ident: $value:expr,)* }) => {
         Record {
@@ -138,7 +138,7 @@ macro_rules! with_values_of {
 }
 
 impl<Text: AsRef<str>, Lights: AsRef<[Light]>, Harmonics: Borrow<Sh9>> Record<Text, Lights, Harmonics> {
-    /// Returns the values with borrowed texts, lights and harmonics.
+    /// Returns this record with borrowed texts, lights and harmonics.
     #[must_use]
     pub fn view(&self) -> LightSet<'_> {
         with_values_of!(self, {
@@ -152,7 +152,7 @@ impl<Text: AsRef<str>, Lights: AsRef<[Light]>, Harmonics: Borrow<Sh9>> Record<Te
 }
 
 impl<Text, Lights, Harmonics> Record<Text, Lights, Harmonics> {
-    /// Returns the values in other storage. `text` converts `run`, `sampler` and the reason of `stale`, in this order.
+    /// Returns this record in other storage. `text` converts `run`, `sampler` and the reason of `stale`, in this order.
     #[must_use]
     pub fn map<T, L, H>(
         self,
@@ -201,14 +201,14 @@ impl LightSet<'_> {
     };
 }
 
-/// Largest fraction of the scalar flux that is not reported as missing.
+/// Largest missing fraction of the scalar flux that is not reported.
 const SILENT: f32 = 1e-3;
 
 impl LightSet<'_> {
     /// Returns the scalar flux from the upper hemisphere that neither `lights` nor `ambient_sh` represent: the value of [`LightSet::left_out`].
     #[must_use]
     pub fn missing_flux(&self) -> Option<[f32; 3]> {
-        // Integrals of the basis functions (0,0) and (1,0) over the hemisphere; those of the others are 0.
+        // The numbers are the integrals of the basis functions (0,0) and (1,0) over the hemisphere; those of the other functions are 0.
         const CONSTANT: f64 = 1.772_453_850_905_516;
         const LINEAR: f64 = 1.534_990_061_919_733;
         let missing: [f64; 3] = core::array::from_fn(|c| {

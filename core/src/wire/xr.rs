@@ -14,7 +14,8 @@ pub struct Estimate {
     pub direction: Vec3,
     /// Perpendicular irradiance of the primary light; 0 without lights.
     pub intensity: [f32; 3],
-    /// Radiance of all other light, in the basis of `ambient_sh`; the 27 floats of WebXR are the coefficients row by row.
+    /// Radiance of all light except the primary light, in the basis of `ambient_sh`; the 27 floats of WebXR are the coefficients row by
+    /// row.
     pub harmonics: Sh9,
 }
 

@@ -1,47 +1,48 @@
 //! Detection of motion in the map: the quads with moving light, and whether the scene moves.
 //!
-//! A light that represents a moving source has a new error in every frame, which is visible as flicker, so moving quads get more lights.
-//! While no quad moves, all changes are noise, and the filters may smooth them.
+//! A light that represents a moving source has a new error in every frame, which is visible as flicker, so quads with moving light get more
+//! lights. While no quad moves, all changes are noise, and the filters may smooth them.
 
 use crate::healpix::{Domain, Order};
 use crate::pyramid::{PyramidView, pyramid_len};
 use crate::root::root;
 use glam::Vec3;
 
-/// Order of the observed quads: 7 degrees.
+/// HEALPix order of the quads in which motion is detected: 7 degrees.
 const ORDER: u8 = 3;
 
 const QUADS: usize = Domain::Sphere.quads(ORDER);
 const SUMS: usize = pyramid_len(Domain::Sphere, Order::saturating(ORDER));
 
-/// Factor on the importance of a quad with moving light. Of 2, 3, 5 and 9, 3 gives the least flicker per error over moving lamps.
+/// Largest factor on the importance of a quad with moving light. Of 2, 3, 5 and 9, 3 gives the least flicker per error over moving lamps.
 const MOST: f32 = 3.0;
 
-/// Relative step of a quad's first moment (over its energy) above which it counts as motion, and the step of full motion.
+/// Step of a quad's first moment from frame to frame, relative to its energy, above which the step counts as motion, and the step of full
+/// motion.
 const STEP: (f32, f32) = (0.025, 0.25);
 
-/// Gains of a rise and of a fall of the factor per frame: a rise takes one frame, so that former splits do not delay it.
+/// Gains per frame with which the factor of a quad rises and falls: a rise takes one frame, so that former splits do not delay it.
 const RISE_AND_FALL: (f32, f32) = (1.0, 0.5);
 
-/// Relative change of a quad's share of the light above which the change is not noise.
+/// Relative change of a quad's fraction of the light above which the change is not noise.
 const CHANGE: f32 = 0.08;
 
-/// Share of the light that changing quads must have for the scene to count as moving.
+/// Fraction of the light that changing quads must have for the scene to count as moving.
 const MOVED: f32 = 0.003;
 
-/// Ratio of the mean square of steps over two frames to that of steps over one frame, above which the scene moves slowly: noise has 1,
-/// uniform motion 4.
+/// Ratio of the mean square of steps over two frames to that of steps over one frame, above which the scene moves slowly: the ratio is 1
+/// for noise and 4 for uniform motion.
 const DRIFT: f32 = 1.6;
 
 /// Number of frames for which a scene counts as moving after the last detected motion.
 const AFTER: u32 = 2;
 
-/// State of a quad in the last two frames, as shares of the map's light.
+/// State of a quad in the last two frames, as fractions of the map's light.
 #[derive(Clone, Copy, Debug, Default)]
 struct QuadHistory {
     y: f32,
     moment: Vec3,
-    /// Luminance energy of the quad two frames ago.
+    /// Luminance energy of the quad two frames ago, as a fraction of the map's.
     y_before: f32,
 }
 
@@ -49,11 +50,11 @@ struct QuadHistory {
 #[derive(Clone, Debug)]
 pub(super) struct Activity {
     past: [QuadHistory; QUADS],
-    /// Factors of the quads of all orders up to [`ORDER`]; a coarse quad has the largest factor of its children.
+    /// Factors on the importance of the quads of all orders up to [`ORDER`]; a coarse quad has the largest factor of its children.
     factor: [f32; SUMS],
-    /// Number of frames so far.
+    /// Number of frames that have been processed.
     frames: u32,
-    /// Number of frames until the scene counts as at rest.
+    /// Number of frames after which the scene counts as at rest if no motion is detected.
     moving: u32,
 }
 
@@ -112,12 +113,12 @@ impl Activity {
     }
 }
 
-/// Returns the length of a vector; 0 for the null vector.
+/// Returns the length of the vector `v`; 0 for the null vector.
 fn length(v: Vec3) -> f32 {
     root(v.length_squared().max(f32::MIN_POSITIVE))
 }
 
-/// Returns the index of quad `ipix` of `order` in the factors.
+/// Returns the index of quad `ipix` of `order` in the array of factors.
 const fn at(order: u8, ipix: usize) -> usize {
     Domain::Sphere.faces() * (((1 << (2 * order)) - 1) / 3) + ipix
 }

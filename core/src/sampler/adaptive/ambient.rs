@@ -1,9 +1,9 @@
 //! Ambient light: light without a direction as spherical harmonics, and the excess above it for the directional lights.
 //!
 //! The harmonics are a least-squares fit of degree 2 to the map. The fit is repeated on a map that is cut off at a ceiling over the
-//! previous fit, so that lamps and the sun drop out of it. The light above the ceiling is the excess, which only the directional lights
-//! represent. Since the constant function is one of the nine basis functions, the fit keeps the energy of the cut map. Without lights
-//! the map is not cut off.
+//! previous fit, so that lamps and the sun drop out of the fit. The light above the ceiling is the excess, which only the directional
+//! lights represent. Since the constant function is one of the nine basis functions, the fit keeps the energy of the cut map. If no lights
+//! are requested, the map is not cut off.
 //!
 //! The height of the ceiling determines the share of the directional lights: few lights need a high ceiling, many lights a low one. The
 //! sampler tries [`CEILINGS`] and selects the ceiling with the least error.
@@ -15,7 +15,7 @@ use crate::light::Sh9;
 use crate::pyramid::{PyramidView, Quad};
 use glam::Vec3;
 
-/// Order of the quads that are fitted: 7 degrees, a tenth of the resolution of degree 2.
+/// HEALPix order of the quads to which the harmonics are fitted: 7 degrees, a tenth of the resolution of degree 2.
 const ORDER: u8 = 3;
 
 /// Number of quads of [`ORDER`] on a sphere.
@@ -24,13 +24,13 @@ pub(super) const QUADS: usize = Domain::Sphere.quads(ORDER);
 /// Number of quads of all orders up to [`ORDER`] on a sphere.
 const SUMS: usize = crate::pyramid::pyramid_len(Domain::Sphere, Order::saturating(ORDER));
 
-/// Ceilings, as multiples of the fit: light above the ceiling is not ambient. The last ceiling leaves no excess.
+/// Ceilings as multiples of the fit: light above the ceiling is not ambient. With the last ceiling there is no excess.
 pub(super) const CEILINGS: [f32; 10] = [0.25, 0.5, 0.7, 1.0, 1.5, 3.0, 6.0, 12.0, 24.0, f32::INFINITY];
 
 /// Index of the infinite ceiling in [`CEILINGS`].
 pub(super) const ALL: usize = CEILINGS.len() - 1;
 
-/// Index in [`CEILINGS`] at which the search for the best ceiling begins, followed by the indices of the search upwards and downwards.
+/// Index in [`CEILINGS`] at which the search for the best ceiling begins; the search continues with the indices above and below.
 pub(super) const USUAL: usize = 4;
 pub(super) const HIGHER: &[usize] = &[5, 6, 7, 8];
 pub(super) const LOWER: &[usize] = &[3, 2, 1, 0];
@@ -38,32 +38,32 @@ pub(super) const LOWER: &[usize] = &[3, 2, 1, 0];
 /// Radius of a disc with the area of a quad of [`ORDER`], radians: (4 / 768)^(1/2).
 pub(super) const RADIUS: f32 = 0.0722;
 
-/// Number of fits per map.
+/// Number of fits of the harmonics per map.
 const ROUNDS: usize = 4;
 
 /// The ambient light of one map and the excess above it.
 #[derive(Clone, Debug)]
 pub(super) struct Ambient {
     domain: Domain,
-    /// Order of `directions`: [`ORDER`] or the map's.
+    /// HEALPix order of `directions`: [`ORDER`], or that of the map if it is coarser.
     order: u8,
     directions: [Vec3; QUADS],
-    /// Inverse of the matrix of integrals of basis function products over the domain.
+    /// Inverse of the matrix of the integrals over the domain of the products of basis functions.
     inverse: [[f32; 9]; 9],
     sh: Sh9,
-    /// Luminance of the fit.
+    /// Luminance of the fitted harmonics at the centre of each quad.
     level: [f32; QUADS],
-    /// Luminance above which light is not ambient.
+    /// Luminance of each quad above which light is not ambient.
     ceiling: [f32; QUADS],
-    /// Light above the ceiling, for quads of all orders up to `order`.
+    /// Light above the ceiling, in quads of all orders up to `order`.
     excess: [Quad; SUMS],
 }
 
-/// The residual of a quad.
+/// The residual of the fit in a quad.
 pub(super) struct QuadResidual {
     /// Direction of the quad's centre.
     pub(super) direction: Vec3,
-    /// Luminance energy of the map below the ceiling minus that of the fit; may be negative.
+    /// Luminance energy of the map below the ceiling minus that of the fit in the quad; may be negative.
     pub(super) y: f32,
 }
 
@@ -98,7 +98,7 @@ impl Ambient {
         &self.sh
     }
 
-    /// Fits a map that is cut off at ceiling `which` of [`CEILINGS`].
+    /// Fits the harmonics to `map`, cut off at ceiling `which` of [`CEILINGS`].
     pub(super) fn fit(&mut self, map: &PyramidView<'_>, which: usize) {
         self.ceiling = [f32::INFINITY; QUADS];
         self.round(map);
@@ -185,7 +185,7 @@ impl Ambient {
         }
     }
 
-    /// Returns the residual of each quad.
+    /// Returns the residual of the fit in each quad.
     pub(super) fn residuals(&self, map: &PyramidView<'_>) -> impl Iterator<Item = QuadResidual> {
         (0..self.domain.quads(self.order)).map(|ipix| {
             let fit = self.level[ipix] * omega(self.domain, self.order, ipix as u32);
@@ -200,7 +200,7 @@ const fn at(order: u8, ipix: usize) -> usize {
     Domain::Sphere.faces() * (((1 << (2 * order)) - 1) / 3) + ipix
 }
 
-/// Returns the solid angle of a quad inside of the domain.
+/// Returns the solid angle of a quad inside of the domain, steradians.
 fn omega(domain: Domain, order: u8, ipix: u32) -> f32 {
     (healpix::solid_angle(order) * domain.share(order, ipix)) as f32
 }
@@ -229,7 +229,7 @@ fn products(domain: Domain) -> [[f64; 9]; 9] {
     sums
 }
 
-/// Returns the inverse of a positive definite matrix, by Gauss-Jordan elimination.
+/// Returns the inverse of the positive definite matrix `m`, by Gauss-Jordan elimination.
 fn inverse(mut m: [[f64; 9]; 9]) -> [[f64; 9]; 9] {
     let mut out: [[f64; 9]; 9] =
         core::array::from_fn(|i| core::array::from_fn(|j| f64::from(u8::from(i == j))));

@@ -2,16 +2,17 @@
 
 use core::ops::RangeInclusive;
 
-/// Ratio of the error to the tolerance above which the number of lights is increased.
+/// Ratio of the estimated error to the tolerance above which the number of lights is increased.
 const TOO_MUCH: f32 = 1.1;
 
-/// Ratio of the error to the tolerance below which, for [`PATIENCE`] frames, a smaller number of lights is tried.
+/// Ratio of the estimated error to the tolerance below which, for [`PATIENCE`] frames, a smaller number of lights is tried.
 const LITTLE: f32 = 0.85;
 
-/// Ratio of the error to the tolerance below which a smaller number is accepted. Between it and [`TOO_MUCH`] the number does not change.
+/// Ratio of the estimated error to the tolerance below which a smaller number of lights is accepted. Between this ratio and [`TOO_MUCH`],
+/// the number does not change.
 const ACCEPTED: f32 = 0.95;
 
-/// Number of frames between two trials.
+/// Number of frames between two trials of a smaller number of lights.
 const PATIENCE: u32 = 16;
 
 /// The number of lights that was selected for a tolerance.
@@ -21,13 +22,13 @@ struct Selected {
     lights: usize,
 }
 
-/// The number of lights, kept from frame to frame.
+/// The selected number of lights, kept from frame to frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Count {
     known: Option<Selected>,
-    /// The error of the last frame.
+    /// The estimated error of the last frame, a ratio.
     error: f32,
-    /// Number of successive frames with an error below [`LITTLE`].
+    /// Number of successive frames with a ratio of error to tolerance below [`LITTLE`].
     calm: u32,
 }
 
@@ -60,7 +61,7 @@ impl Count {
         count
     }
 
-    /// Stores the error of the frame's lights.
+    /// Stores the estimated error of the frame's lights.
     pub(super) fn note(&mut self, error: f32) {
         let little = self.known.is_some_and(|known| error < LITTLE * known.tolerance);
         self.calm = if little { self.calm + 1 } else { 0 };
@@ -109,7 +110,8 @@ mod tests {
 
     #[test]
     fn a_number_is_kept_if_one_light_less_exceeds_the_tolerance() {
-        // Two lights have a small error and one light too large an error: repeated trials of one light would make the number oscillate.
+        // In this test, two lights have a small error and one light too large an error: repeated trials of one light would make the number
+        // oscillate.
         let error = |n: usize| if n < 2 { 0.05 } else { 0.01 };
         let mut count = Count::default();
         for _ in 0..200 {

@@ -5,10 +5,10 @@
 
 use crate::pyramid::PyramidView;
 
-/// Order of the compared quads: 15 degrees, so that a lamp or a person covers few of them.
+/// HEALPix order of the compared quads: 15 degrees, so that a lamp or a person covers few of them.
 const ORDER: u8 = 2;
 
-/// The number of quads of a sphere.
+/// The number of compared quads of a sphere.
 const QUADS: usize = crate::healpix::Domain::Sphere.quads(ORDER);
 
 /// Largest factor between a quad's ratio and the median in a continued scene: clouds and lamps change a wall by less.
@@ -25,7 +25,7 @@ impl Cut {
         Self { past: [0.0; QUADS] }
     }
 
-    /// Stores the frame; returns whether it is a cut.
+    /// Stores the light of the frame; returns whether the frame is a cut.
     pub(super) fn detect(&mut self, map: &PyramidView<'_>) -> bool {
         let mut ratios = heapless::Vec::<f32, QUADS>::new();
         let mut one = 0;

@@ -25,28 +25,28 @@ const RADIUS: f32 = 0.93;
 /// of this radius.
 pub(super) const NARROWEST_DEG: f32 = 0.1;
 
-/// Largest radius, degrees: within a hemisphere the centre of a disc is well defined.
+/// Largest radius of a disc, degrees: within a hemisphere the centre of a disc is well defined.
 const WIDEST_DEG: f32 = 90.0;
 
 /// Number of levels below a node at which its light is compared with its disc.
 const DOWN: u8 = 2;
 
-/// Weight of the spread within the parts of a node, which are compared as whole discs.
+/// Weight in the error of a disc of the spread within the parts of a node, which are compared as whole discs.
 const SPREAD: f32 = 0.05;
 
 /// Number of parts of all discs together in the error estimate of a set with fitted weights; larger sets have as many parts as sources.
 const PARTS: usize = 128;
 
-/// Least and largest number of parts of one disc of a set with fitted weights.
+/// Least and largest number of parts into which the estimate divides one disc of a set with fitted weights.
 const EACH: (usize, usize) = (8, 32);
 
-/// Number of parts below which a disc is not divided.
+/// Number of parts below which the estimate does not divide a disc.
 const FEWEST_PARTS: usize = 4;
 
-/// Cosine and sine of the golden angle.
+/// Cosine and sine of the golden angle, by which pairs of parts are rotated.
 const GOLDEN: (f32, f32) = (-0.737_368_9, 0.675_490_3);
 
-/// Returns the number of steps for a number of lights: for more lights a step gains less and costs more.
+/// Returns the number of steps by which the discs of a set of `lights` lights are moved: for more lights, a step gains less and costs more.
 fn steps(lights: usize) -> usize {
     match lights {
         2..=16 => 4,
@@ -73,7 +73,7 @@ pub(super) fn importance(nodes: &Nodes<'_>, level: u8, index: u32, quad: &Quad) 
         let y = part.y();
         if y > 0.0 {
             square += SPREAD * y * y * root(part.variance().max(0.0));
-            // The array has a place for each part.
+            // The array has a place for each part, so that the push cannot fail.
             let _ = parts.push((MeanVector::of_quad(&part), y));
         }
     }
@@ -99,11 +99,11 @@ pub(super) fn steer(fit: &mut Fit, sources: &[Source], lights: &mut [Light]) {
 
 /// A part of a light's disc.
 pub(super) struct DiscPart {
-    /// Direction of the centre.
+    /// Direction of the centre of the part, a unit vector.
     pub(super) at: Vec3,
-    /// Angular radius, radians.
+    /// Angular radius of the part, radians.
     pub(super) radius: f32,
-    /// Share of the light's energy.
+    /// Fraction of the light's energy that the part has.
     pub(super) share: f32,
 }
 
@@ -146,7 +146,7 @@ mod tests {
         assert!(point == 0.0 && (0.1..0.2).contains(&narrow) && wide == WIDEST_DEG, "{lights:?}");
     }
 
-    /// A light of energy 1 at 0.1 radians from a source moves to the source.
+    /// In this test, a light of energy 1 at 0.1 radians from a source moves to the source.
     #[test]
     fn a_disc_moves_to_its_source() {
         let source = Source { at: Vec3::Z, radius: 0.3, y: 1.0, owner: 0 };

@@ -13,7 +13,7 @@ use crate::color::luminance;
 use crate::light::Light;
 use glam::Vec3;
 
-/// Properties of a frame that are computed before its lights.
+/// Properties of a frame that are computed before the frame's lights.
 #[derive(Clone, Copy)]
 pub(super) struct Frame {
     /// Number of lights in the last frame.
@@ -22,37 +22,37 @@ pub(super) struct Frame {
     pub moving: bool,
 }
 
-/// Weight beta of a new step in both running means: the gain on noise is about 0.11, and motion is followed after about five frames.
+/// Weight beta of the newest step in both running means: the gain on noise is about 0.11, and motion is followed after about five frames.
 const MEMORY: f32 = 0.2;
 
-/// Ratio of a step to the mean step above which it is a jump: about one in ten thousand steps of normal noise.
+/// Ratio of a step to the mean step above which the step is a jump: about one in ten thousand steps of normal noise.
 const JUMP: f32 = 4.0;
 
-/// Initial mean step of a new light's direction, over its angular radius: the effect of 2 % noise on a dozen texels.
+/// Initial mean step of the direction of a new light, relative to its angular radius: the effect of 2 % noise on a dozen texels.
 const NEW_STEP: f32 = 0.02;
 
-/// Largest change of a disc's radius per frame in a scene at rest, over the radius.
+/// Largest change per frame of the radius of a disc in a scene at rest, relative to the radius.
 const WIDER: f32 = 0.05;
 
-/// Initial mean step of a new disc's radius, over the radius.
+/// Initial mean step of the radius of a new disc, relative to the radius.
 const NEW_WIDTH: f32 = 0.01;
 
-/// Initial mean step of a new light's energy, as a part of the energy.
+/// Initial mean step of the energy of a new light, relative to the energy.
 const NEW_SHARE: f32 = 0.01;
 
 /// Filter state of one light.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LightFilter {
-    /// Direction that was returned last.
+    /// Direction of the light that was returned last.
     direction: Vec3,
-    /// Share of the whole energy that was returned last; 0 at first.
+    /// Fraction of the whole energy that was returned last for the light; 0 at first.
     share: f32,
     place: Signal<Vec3>,
     energy: Signal<f32>,
     /// Radius of a disc of the same region that was returned last, degrees; `None` at first and for lights that are fitted as points.
     radius_deg: Option<f32>,
     width: Signal<f32>,
-    /// Identifies the region: the level of the leaf, or [`GATHERED`] plus the number of gathered lights.
+    /// Identifies the light's region: the level of the leaf, or [`GATHERED`] plus the number of gathered lights.
     region: u8,
     /// Vector from the centroid of the region to the disc's centre before filtering; 0 for points.
     offset: Vec3,
@@ -61,7 +61,7 @@ pub struct LightFilter {
 /// Least region identifier of gathered lights, above every level.
 const GATHERED: u8 = 128;
 
-/// Running means of the steps and of their lengths.
+/// Running means of the steps of a filtered value, and of the lengths of the steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Signal<V> {
     mean: V,
@@ -75,12 +75,12 @@ pub(super) struct PastLights<'a> {
     pub(super) tracks: &'a [LightFilter],
 }
 
-/// Result of comparing the lights' regions with those of the last frame.
+/// Result of comparing the regions of the lights with those of the last frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Regions {
     /// Every light has the region that it had in the last frame.
     Same,
-    /// At least one region differs from that of the last frame.
+    /// At least one light has another region than in the last frame.
     Changed,
 }
 
@@ -98,14 +98,14 @@ pub(super) fn compare(lights: &[Light], leaves: &[Leaf], past: PastLights<'_>) -
     if count == past.lights.len() && ids && places { Regions::Same } else { Regions::Changed }
 }
 
-/// Moves lights of the same regions as in the last frame by the offsets from the last frame.
+/// Moves the lights, whose regions are those of the last frame, by their offsets in the last frame.
 pub(super) fn move_again(lights: &mut [Light], past: PastLights<'_>) {
     for (light, track) in lights.iter_mut().zip(past.tracks) {
         light.direction = (light.direction + track.offset).try_normalize().unwrap_or(light.direction);
     }
 }
 
-/// Stores the offsets of the lights from their centroids.
+/// Stores the offset of each light from the centroid of its region.
 pub(super) fn note_moves(tracks: &mut [LightFilter], moves: &[Vec3]) {
     tracks.iter_mut().zip(moves).for_each(|(track, by)| track.offset = *by);
 }
@@ -186,11 +186,11 @@ impl<V> Signal<V>
 where
     V: Copy + core::ops::Add<Output = V> + core::ops::Sub<Output = V> + core::ops::Mul<f32, Output = V>,
 {
-    /// Adds a step to the running means; returns its gain.
+    /// Adds a step to the running means; returns the gain for this step, 0..=1.
     fn gain(&mut self, step: V, length: impl Fn(V) -> f32) -> f32 {
         let size = length(step);
         if size > JUMP * self.length {
-            // The next frames show whether the step was one jump or the start of a motion; the expected step length is raised meanwhile.
+            // The next frames show whether the step was one jump or the start of a motion; until then, the expected step length is raised.
             self.length = if self.length > 0.0 { self.length * (1.0 + (JUMP - 1.0) * MEMORY) } else { size };
             self.mean = step * (self.length / size);
             return 1.0;

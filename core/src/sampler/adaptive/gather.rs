@@ -6,7 +6,7 @@ use super::source::{nearest, pieces};
 use crate::light::Light;
 use crate::pyramid::Quad;
 
-/// Number of Lloyd steps: from the tree's lights, the error is within 2 % of convergence after four.
+/// Number of Lloyd steps per frame: from the tree's lights, the error is within 2 % of convergence after four.
 const STEPS: usize = 4;
 
 /// Moves at most [`GATHERED`] lights; the sum of their energies does not change.
@@ -21,7 +21,7 @@ pub(super) fn gather(nodes: &Nodes<'_>, leaves: &[Leaf], lights: &mut [Light]) {
             let Light { id, parent, direction, .. } = *light;
             *light = Light { parent, ..Light::at_centroid(id, sum, || direction) };
         }
-        // A light without nearest quads has no energy left.
+        // A light that is nearest to no quad has no energy left.
         for (light, _) in lights.iter_mut().zip(&sums).filter(|(_, sum)| sum.y() <= 0.0) {
             light.irradiance = [0.0; 3];
         }

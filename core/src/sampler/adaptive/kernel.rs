@@ -15,20 +15,20 @@ use glam::Vec3;
 /// `polynomial_kernel_matches_the_integrated_one` recomputes it.
 pub(crate) const KERNEL: [f32; 6] = [1.0, -0.171_987, -2.301_984, 2.484_897, -1.960_409, 0.945_683];
 
-/// Returns K between unit vectors; `squared` is the squared sine of half their angle, (1 - cos) / 2.
+/// Returns the kernel K between two unit vectors; `squared` is the squared sine of half their angle, (1 - cos) / 2.
 #[inline(always)]
 pub(super) fn kernel(squared: f32) -> f32 {
     let h = coarse_root(squared);
     KERNEL.iter().rev().fold(0.0, |sum, c| sum * h + c)
 }
 
-/// K of an angle, and its derivative with respect to the cosine of the angle.
+/// The kernel K at an angle, and its derivative with respect to the cosine of the angle.
 struct KernelAndSlope {
     kernel: f32,
     slope: f32,
 }
 
-/// Returns K and its derivative, which is constant below [`LEAST_ROOT`], hence finite.
+/// Returns the kernel K and its derivative, which is constant below [`LEAST_ROOT`] and therefore finite.
 #[inline(always)]
 fn kernel_and_slope(squared: f32) -> KernelAndSlope {
     let squared = squared.max(LEAST);
@@ -43,11 +43,11 @@ fn kernel_and_slope(squared: f32) -> KernelAndSlope {
     KernelAndSlope { kernel: k * h + KERNEL[0], slope: by_root * (per_root.min(1.0 / LEAST_ROOT) * -0.25) }
 }
 
-/// Least sine of half an angle at which the derivative is computed.
+/// Least sine of half an angle for which the derivative is computed; below it, the derivative is constant.
 const LEAST_ROOT: f32 = 1e-3;
 
-/// Returns the square root within 7e-4, at least that of [`LEAST`]: one Newton step with constants by Jan Kadlec (2010), which halve the
-/// error of the usual constants; a second step would double the cost of the fit.
+/// Returns the square root of `v` within 7e-4, at least that of [`LEAST`]: one Newton step with constants by Jan Kadlec (2010), which halve
+/// the error of the usual constants; a second step would double the cost of the fit.
 #[inline(always)]
 fn coarse_root(v: f32) -> f32 {
     // A negative number is small as an integer as well.
@@ -56,18 +56,18 @@ fn coarse_root(v: f32) -> f32 {
     v * r * (0.703_952_3 * (2.389_244_6 - v * r * r))
 }
 
-/// Returns 1 / square root of a positive number, with a relative error of at most 7e-4.
+/// Returns the reciprocal of the square root of a positive number, with a relative error of at most 7e-4.
 #[inline(always)]
 fn coarse_inverse_root(v: f32) -> f32 {
     let r = f32::from_bits(0x5f1f_fff9u32.wrapping_sub(v.to_bits() >> 1));
     r * (0.703_952_3 * (2.389_244_6 - v * r * r))
 }
 
-/// Smallest argument of the square root: the squared sine of a millionth of a radian.
+/// Smallest argument of the square root in the kernel: the squared sine of a millionth of a radian.
 const LEAST: f32 = 1e-12;
 
-/// Part of a disc's angular variance by which its vector is shortened: a least-squares compromise between 2/3 and 1/2 of the squared
-/// radius, the exact values for the mean distance to a point at the centre and to a distant point.
+/// Fraction of a disc's angular variance by which the disc's mean vector is shortened: a least-squares compromise between 2/3 and 1/2 of
+/// the squared radius, the exact values for the mean distance to a point at the centre and to a distant point.
 const SHRINK: f32 = 0.85;
 
 /// The mean vector of a point, a disc or a region, in the form that the kernel needs.
@@ -107,12 +107,12 @@ impl MeanVector {
         Self { half: at * (0.5 - 0.5 * by), spread: by * (2.0 - by) * 0.25 }
     }
 
-    /// Returns the argument of [`kernel`] between two vectors.
+    /// Returns the argument of [`kernel`] between this mean vector and `other`.
     pub(super) fn apart(&self, other: &Self) -> f32 {
         (self.half - other.half).length_squared() + (self.spread + other.spread)
     }
 
-    /// Returns the argument of [`kernel`] between the vector and itself.
+    /// Returns the argument of [`kernel`] between this mean vector and itself.
     pub(super) fn width_squared(&self) -> f32 {
         2.0 * self.spread
     }
@@ -126,7 +126,7 @@ impl MeanVector {
 /// Mean vectors of at most [`FITTED`] lights, stored by coordinate.
 #[derive(Clone, Debug)]
 pub(super) struct Vectors {
-    /// Halves of the vectors, one row for each coordinate.
+    /// Halves of the mean vectors, one row for each coordinate.
     halves: [[f32; FITTED]; 3],
     spreads: [f32; FITTED],
 }
@@ -136,18 +136,18 @@ impl Vectors {
         Self { halves: [[0.0; FITTED]; 3], spreads: [0.0; FITTED] }
     }
 
-    /// Sets vector `i`.
+    /// Sets mean vector `i` to `vector`.
     pub(super) fn set(&mut self, i: usize, vector: &MeanVector) {
         self.halves.iter_mut().zip(vector.half.to_array()).for_each(|(axis, v)| axis[i] = v);
         self.spreads[i] = vector.spread;
     }
 
-    /// Returns vector `i`.
+    /// Returns mean vector `i`.
     pub(super) fn get(&self, i: usize) -> MeanVector {
         MeanVector { half: Vec3::from_array(self.halves.map(|axis| axis[i])), spread: self.spreads[i] }
     }
 
-    /// Writes K between `other` and each of the first vectors.
+    /// Writes to `out` the kernel K between `other` and each of the first mean vectors.
     pub(super) fn kernels(&self, other: &MeanVector, out: &mut [f32]) {
         let ([x, y, z], at) = (&self.halves, other.half);
         for ((((out, x), y), z), spread) in out.iter_mut().zip(x).zip(y).zip(z).zip(&self.spreads) {
@@ -187,11 +187,11 @@ impl Vectors {
     }
 }
 
-/// Sums of kernels, and of their gradients with respect to the vectors.
+/// Sums of kernels, and of their gradients with respect to the mean vectors.
 #[derive(Clone, Debug)]
 pub(super) struct KernelSums {
     pub(super) kernels: [f32; FITTED],
-    /// Sums of the gradients, one row for each coordinate.
+    /// Sums of the gradients of the kernels, one row for each coordinate.
     pub(super) pulls: [[f32; FITTED]; 3],
 }
 
@@ -200,14 +200,14 @@ impl KernelSums {
         Self { kernels: [0.0; FITTED], pulls: [[0.0; FITTED]; 3] }
     }
 
-    /// Clears the sums of the first `n` vectors.
+    /// Clears the sums of the first `n` mean vectors.
     pub(super) fn clear(&mut self, n: usize) {
         let n = n.min(FITTED);
         self.kernels[..n].fill(0.0);
         self.pulls.iter_mut().for_each(|axis| axis[..n].fill(0.0));
     }
 
-    /// Returns the summed gradient at vector `i`.
+    /// Returns the summed gradient of the kernels at mean vector `i`.
     pub(super) fn pull(&self, i: usize) -> Vec3 {
         Vec3::from_array(self.pulls.map(|axis| axis[i]))
     }
@@ -218,7 +218,7 @@ mod tests {
     use super::*;
     use core::f64::consts::PI;
 
-    /// Returns the part of the sphere within `a` of both ends of an arc of length `g`, summed over rings around one end.
+    /// Returns the fraction of the sphere within the angle `a` of both ends of an arc of length `g`, summed over rings around one end.
     fn lens(a: f64, g: f64) -> f64 {
         const RINGS: u32 = 400;
         let ring = |i: u32| {

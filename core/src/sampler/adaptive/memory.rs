@@ -51,7 +51,7 @@ impl Default for Workspace {
 pub struct Memory<B, H, L, T, W> {
     /// Bit sets of the interior nodes of the tree, of this frame and the last.
     pub interior: [B; 2],
-    /// Leaves of the tree.
+    /// Leaves of the tree, in a heap.
     pub leaves: H,
     /// Lights of this frame and the last.
     pub lights: [L; 2],
@@ -66,9 +66,9 @@ pub struct Memory<B, H, L, T, W> {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub struct Sizes {
-    /// Bytes of [`Memory::interior`].
+    /// Number of bytes of each bit set in [`Memory::interior`].
     pub interior: usize,
-    /// Elements of [`Memory::leaves`], [`Memory::lights`] and [`Memory::tracks`].
+    /// Number of elements of [`Memory::leaves`], and of each buffer in [`Memory::lights`] and [`Memory::tracks`].
     pub lights: usize,
 }
 
@@ -79,7 +79,7 @@ impl Sizes {
         Self { interior: tree::bits_len(domain, order), lights }
     }
 
-    /// Returns the names and sizes in bytes of all buffers.
+    /// Returns the names and sizes in bytes of all buffers of the sampler.
     #[must_use]
     pub const fn buffers(&self) -> [BufferSize; 5] {
         [

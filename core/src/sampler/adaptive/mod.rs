@@ -46,10 +46,10 @@ use nodes::Nodes;
 pub use tree::bits_len;
 use tree::{Growth, Tree};
 
-/// Largest number of lights whose weights are fitted.
+/// Largest number of lights for which the weights are fitted.
 const FITTED: usize = 64;
 
-/// Largest number of lights that `gather` moves.
+/// Largest number of lights that the stage `gather` moves.
 const GATHERED: usize = 8;
 
 /// Number of frames between two searches for the ceiling of the ambient light.
@@ -94,11 +94,11 @@ pub struct Adaptive<B, H, L, T, W> {
     lights: [L; 2],
     tracks: [T; 2],
     count: usize,
-    /// Index of the ceiling in use in [`ambient::CEILINGS`], and number of frames since the last search.
+    /// Index in [`ambient::CEILINGS`] of the ceiling in use, and number of frames since the last search for the best ceiling.
     ceiling: (usize, u32),
     /// The number of lights that was selected for a tolerance.
     wanted: count::Count,
-    /// Number of lights whose error was computed over all receivers; `None` before the first frame.
+    /// Number of lights for which the error was computed over all receivers; `None` before the first frame.
     evaluated: Option<usize>,
     /// Whether the lights of the last frame were discs.
     soft: bool,
@@ -108,7 +108,7 @@ pub struct Adaptive<B, H, L, T, W> {
 impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W: BorrowMut<Workspace>>
     Adaptive<B, H, L, T, W>
 {
-    /// Creates a sampler for maps of `domain` up to `order`, and for as many lights as the shortest of its lists holds.
+    /// Creates a sampler for maps of `domain` up to `order`, and for as many lights as the shortest of its lists has elements.
     ///
     /// # Errors
     /// [`TooSmall`] if the bit sets are shorter than [`Sizes::interior`].
@@ -134,7 +134,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
         Ok(new)
     }
 
-    /// Returns the largest number of lights that the buffers hold.
+    /// Returns the largest number of lights for which the buffers have memory.
     #[must_use]
     pub fn capacity(&self) -> usize {
         let lights = self.lights.iter().map(|l| l.as_ref().len());
@@ -142,7 +142,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
         lights.chain(tracks).chain([self.tree.capacity()]).min().unwrap_or(0)
     }
 
-    /// Computes the lights of one frame; returns their estimated error.
+    /// Computes the lights of one frame; returns the estimated shadowed error of the lights, a ratio.
     fn decompose(&mut self, map: &PyramidView<'_>, request: &Request, timer: &mut Timer<'_>) -> f32 {
         if self.workspace.borrow_mut().cut.detect(map) {
             self.reset();
@@ -215,7 +215,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
         quiet
     }
 
-    /// Returns the estimated error of `limit` lights; with ambient light, under the ceiling of least error, which is stored.
+    /// Returns the estimated error of at most `limit` lights; with ambient light, under the ceiling of least error, which is stored.
     fn trial(&mut self, map: &PyramidView<'_>, request: &Request, limit: usize) -> f32 {
         if !request.ambient || limit == 0 {
             return self.evaluate(map, request, limit, ambient::ALL);
@@ -240,7 +240,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
         best.0
     }
 
-    /// Returns the estimated error of `limit` lights under a ceiling, over all receivers.
+    /// Returns the estimated error of at most `limit` lights under the ceiling with the index `ceiling`, over all receivers.
     fn evaluate(&mut self, map: &PyramidView<'_>, request: &Request, limit: usize, ceiling: usize) -> f32 {
         self.place(map, request, limit, ceiling);
         if request.soft {
@@ -253,7 +253,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
         self.error(map, request, true)
     }
 
-    /// Computes the regions and directions of at most `limit` lights.
+    /// Computes the regions and directions of at most `limit` lights, under the ceiling with the index `ceiling`.
     fn place(&mut self, map: &PyramidView<'_>, request: &Request, limit: usize, ceiling: usize) {
         let Workspace { ambient, activity, sources, .. } = self.workspace.borrow_mut();
         if request.ambient {
@@ -291,7 +291,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
         weights::keep_energy(lights, nodes.quad(0, 0).rgb());
     }
 
-    /// Returns the estimated shadowed error. `anew` evaluates all receivers, otherwise a sixteenth of them is evaluated.
+    /// Returns the estimated shadowed error of the lights, a ratio. If `anew`, all receivers are evaluated, otherwise a sixteenth of them.
     fn error(&mut self, map: &PyramidView<'_>, request: &Request, anew: bool) -> f32 {
         let lights = &self.lights[0].as_ref()[..self.count];
         if self.count > source::SOURCES {

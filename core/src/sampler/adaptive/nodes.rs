@@ -9,13 +9,14 @@ use super::ambient::Ambient;
 use crate::healpix::Domain;
 use crate::pyramid::{PyramidView, Quad};
 
-/// Face of each slot: each northern face is paired with the equatorial face below it, so that pairs are compact.
+/// Base face of each slot of the tree's upper levels: each northern face is paired with the equatorial face below it, so that pairs are
+/// compact.
 const SLOTS: [u32; 16] = [0, 4, 1, 5, 2, 6, 3, 7, 8, EMPTY, 9, EMPTY, 10, EMPTY, 11, EMPTY];
 
 /// Mark of a slot without a face.
 const EMPTY: u32 = u32::MAX;
 
-/// Returns the level of the base faces.
+/// Returns the level of the tree whose nodes are the base faces.
 pub(super) const fn top(domain: Domain) -> u8 {
     match domain {
         Domain::Sphere => 4,
@@ -23,7 +24,7 @@ pub(super) const fn top(domain: Domain) -> u8 {
     }
 }
 
-/// A node that may be split.
+/// A node of the tree that may be split.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Leaf {
     pub(super) importance: f32,
@@ -31,7 +32,7 @@ pub struct Leaf {
     pub(super) index: u32,
 }
 
-/// The light that directional lights represent: that of a map, or its excess over ambient light.
+/// The light that directional lights represent: that of a map, or the excess of a map over its ambient light.
 #[derive(Clone, Copy)]
 pub(super) struct Nodes<'a> {
     map: PyramidView<'a>,
@@ -44,12 +45,12 @@ impl<'a> Nodes<'a> {
         Self { map: *map, ambient, top: top(map.domain()) }
     }
 
-    /// Returns the level of the texels.
+    /// Returns the level of the tree whose nodes are the texels.
     pub(super) fn last(&self) -> u8 {
         self.top + 2 * self.map.order().get()
     }
 
-    /// Returns the sums over quad `ipix` of `order`.
+    /// Returns energy and first moment over quad `ipix` of `order`.
     pub(super) fn sum(&self, order: u8, ipix: u32) -> Quad {
         match self.ambient {
             None => self.map.quad(order, ipix),
@@ -57,7 +58,7 @@ impl<'a> Nodes<'a> {
         }
     }
 
-    /// Returns the sums over a node.
+    /// Returns energy and first moment over the node `index` of `level`.
     pub(super) fn quad(&self, level: u8, index: u32) -> Quad {
         if level < self.top {
             let under = self.top - level;
@@ -79,14 +80,14 @@ impl<'a> Nodes<'a> {
         self.sum(below / 2, (face << below) | (index & ((1 << below) - 1)))
     }
 
-    /// Returns the factor of moving light on the importance of a node.
+    /// Returns the factor by which moving light raises the importance of a node.
     pub(super) fn activity(&self, activity: &Activity, level: u8, index: u32) -> f32 {
         let Some(below) = level.checked_sub(self.top) else {
             let under = self.top - level;
             let slots = index << under..(index + 1) << under;
             return slots.map(|slot| self.activity(activity, self.top, slot)).fold(1.0, f32::max);
         };
-        // A half of a quad has the factor of its quad.
+        // A node that is half of a quad has the factor of the quad.
         let (below, index) = (below & !1, index >> (below & 1));
         match SLOTS[(index >> below) as usize % SLOTS.len()] {
             EMPTY => 1.0,

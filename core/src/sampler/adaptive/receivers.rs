@@ -6,22 +6,22 @@
 use crate::receiver::{self, SHADOWED as RECEIVERS, Shadowed};
 use glam::Vec3;
 
-/// Largest number of points: sources, lights and quads of ambient light.
+/// Largest number of points whose light is received: sources, lights and quads of ambient light.
 const POINTS: usize = 2 * super::source::SOURCES + super::ambient::QUADS;
 
-/// Number of receivers that are evaluated in a frame that continues the last one: all of them in sixteen frames.
+/// Number of receivers that are evaluated in a frame that continues the last one: a sixteenth, so that sixteen frames evaluate all.
 const TURN: usize = RECEIVERS / 16;
 
-/// Largest number of points times receivers in one frame; it bounds the time of the first frame after a cut.
+/// Largest product of points and receivers in one frame, which bounds the time of the first frame after a cut.
 const MOST: usize = 1 << 19;
 
-/// Step from one receiver to the next, which visits all of them with evenly spread directions.
+/// Step between the indices of successively evaluated receivers, which visits all of them with evenly spread directions.
 const STRIDE: usize = 197;
 
-/// Mean over receivers of max(0, n . d) V(d): 1/4 times the share of the sphere outside of the mean cone.
+/// Mean over receivers of max(0, n . d) V(d): 1/4 times the fraction of the sphere outside of the mean cone.
 const MEAN: f32 = 0.224_17;
 
-/// Scale of energies, which are shares of the map's light.
+/// Scale of energies, which are stored as fractions of the map's light.
 const SHARE: f32 = (1u32 << 18) as f32;
 
 /// A shadowed receiver in fixed point: normal and axis in Q14.
@@ -31,7 +31,7 @@ struct Receiver {
     axis: [i16; 3],
     /// Cosine of the cone's half-angle, Q28.
     cos: i32,
-    /// Reciprocal of the sine of the cone's half-angle, Q12: converts differences of cosines near the edge to angles.
+    /// Reciprocal of the sine of the cone's half-angle, Q12, which converts differences of cosines near the edge to angles.
     per_sin: i32,
 }
 
@@ -39,14 +39,14 @@ struct Receiver {
 #[derive(Clone, Debug)]
 pub(super) struct Receivers {
     receivers: [Receiver; RECEIVERS],
-    /// Latest errors of the receivers in the order of [`STRIDE`], over the mean irradiance.
+    /// Latest errors of the receivers in the order of [`STRIDE`], relative to the mean irradiance.
     errors: [f32; RECEIVERS],
     /// Index of the next receiver to evaluate, and number of receivers with a known error.
     next: usize,
     known: usize,
-    /// Directions, Q14: x in the upper and y in the lower half of a number.
+    /// Directions of the points, Q14: x in the upper and y in the lower half of a number.
     across: [i32; POINTS],
-    /// Directions, Q14: z in the upper half. Lower half: reciprocal of the disc's diameter, in Q12 per Q14 of angle, Q8.
+    /// Direction of each point, Q14: z in the upper half. Lower half: reciprocal of the disc's diameter, in Q12 per Q14 of angle, Q8.
     up: [i32; POINTS],
     energies: [i32; POINTS],
     points: usize,
@@ -78,7 +78,7 @@ impl Receivers {
         self.points = 0;
     }
 
-    /// Adds a disc at the unit vector `at` of `radius` radians; `share` is its share of the map's light, negative for lights.
+    /// Adds a disc of `radius` radians at the unit vector `at`; `share` is its fraction of the map's light, negative for lights.
     pub(super) fn add(&mut self, at: Vec3, radius: f32, share: f32) {
         let i = self.points;
         if i < POINTS {
@@ -90,13 +90,13 @@ impl Receivers {
         }
     }
 
-    /// Evaluates all receivers, or as many as [`MOST`] allows; returns the RMS of their errors over the mean irradiance.
+    /// Evaluates all receivers, or as many as [`MOST`] allows; returns the RMS of their errors, relative to the mean irradiance.
     pub(super) fn evaluate_all(&mut self) -> f32 {
         self.known = 0;
         self.evaluate(RECEIVERS.min(MOST / self.points.max(1)).max(TURN))
     }
 
-    /// Evaluates the next [`TURN`] receivers and returns the RMS with the stored errors of the others.
+    /// Evaluates the next [`TURN`] receivers and returns the RMS over their errors and the stored errors of the others.
     pub(super) fn evaluate_next(&mut self) -> f32 {
         self.evaluate(TURN)
     }
@@ -114,7 +114,7 @@ impl Receivers {
         libm::sqrtf(sum / self.known.max(1) as f32)
     }
 
-    /// Returns the net irradiance of a receiver, Q30.
+    /// Returns the net irradiance of the receiver `to`, Q30.
     fn received(&self, to: &Receiver) -> i32 {
         let n = self.points.min(POINTS);
         let (across, up, energies) = (&self.across[..n], &self.up[..n], &self.energies[..n]);
@@ -125,9 +125,9 @@ impl Receivers {
                 let [a, b, c] = v.map(i32::from);
                 x * a + y * b + z * c
             };
-            // Conversion from Q28 to Q12.
+            // The irradiance is converted from Q28 to Q12.
             let facing = along(to.normal).max(0) >> 16;
-            // Angle from the cone's edge, Q14, then the part of the disc that is clear of the cone, Q12.
+            // First the angle from the edge of the cone, Q14, then the fraction of the disc that is outside of the cone, Q12.
             let outside =
                 (((to.cos - along(to.axis)) >> 14).wrapping_mul(to.per_sin) >> 12).clamp(-0x7fff, 0x7fff);
             let clear = (2048 + (outside.wrapping_mul(slope) >> 8)).clamp(0, 4096);
@@ -137,7 +137,7 @@ impl Receivers {
     }
 }
 
-/// Returns receiver `k`.
+/// Returns shadowed receiver `k` in fixed point.
 fn receiver_at(k: usize) -> Receiver {
     let Shadowed { normal, axis, half_angle } = receiver::shadowed(k);
     Receiver {
@@ -153,17 +153,17 @@ fn pair(upper: i16, lower: i16) -> i32 {
     i32::from(upper) << 16 | i32::from(lower as u16)
 }
 
-/// Returns the upper and the lower half of a number.
+/// Returns the upper and the lower half of the number `pair`.
 fn halves(pair: i32) -> [i32; 2] {
     [pair >> 16, pair << 16 >> 16]
 }
 
-/// Returns a unit vector in Q14.
+/// Returns the unit vector `v` in Q14.
 fn fixed(v: Vec3) -> [i16; 3] {
     v.to_array().map(|c| nearest(c * 16384.0) as i16)
 }
 
-/// Returns the nearest integer.
+/// Returns the integer nearest to `v`.
 fn nearest(v: f32) -> i32 {
     (v + 0.5f32.copysign(v)) as i32
 }

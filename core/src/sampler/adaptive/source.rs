@@ -10,10 +10,11 @@ use crate::root;
 use core::ops::RangeInclusive;
 use glam::Vec3;
 
-/// Largest number of sources.
+/// Largest number of sources that approximate a map.
 pub(super) const SOURCES: usize = 1024;
 
-/// Sets whose lights have fewer sources each as discs than as points: between them, more sources do not make discs more accurate.
+/// Numbers of lights with which each light has fewer sources as a disc than as a point: in this range, more sources do not make discs more
+/// accurate.
 const HALVED: RangeInclusive<usize> = GATHERED + 1..=16;
 
 /// Returns the number of levels of the tree between a leaf and its sources: 256 sources in all for sets with fitted weights, whose cost
@@ -27,10 +28,10 @@ fn levels(lights: usize, soft: bool) -> u8 {
     (most / lights.max(1)).checked_ilog2().unwrap_or(0) as u8
 }
 
-/// A descendant of a leaf.
+/// A descendant in the tree of a leaf.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Piece {
-    /// Index of the leaf.
+    /// Index of the leaf from which the piece descends.
     pub(super) leaf: usize,
     pub(super) quad: Quad,
 }
@@ -63,7 +64,7 @@ pub(super) struct Source {
     pub(super) owner: u16,
 }
 
-/// The sources of one frame.
+/// The sources that approximate the map of one frame.
 #[derive(Clone, Debug)]
 pub(super) struct Sources {
     all: heapless::Vec<Source, SOURCES>,
@@ -89,7 +90,7 @@ impl Sources {
             let owner = if lights.len() <= GATHERED && !soft { nearest(lights, &quad) } else { leaf };
             if let Some(at) = root::unit(quad.mean_direction()) {
                 let radius = disc(quad.variance());
-                // There are at most `SOURCES` pieces; a full list ignores the rest.
+                // There are at most `SOURCES` pieces; further ones would be ignored.
                 let _ = self.all.push(Source { at, radius, y: quad.y(), owner: owner as u16 });
             }
         }

@@ -6,16 +6,16 @@ use crate::light::Light;
 use crate::root::root;
 use glam::Vec3;
 
-/// Part of a Newton step that is taken, since the neighbours move in the same iteration.
+/// Fraction of a Newton step by which a disc's centre is moved, since the neighbours move in the same iteration.
 const RELAXED: f32 = 0.7;
 
-/// Longest step, as a part of the disc's width.
+/// Longest step of a disc's centre, in widths of the disc.
 const LONGEST: f32 = 0.5;
 
-/// Curvature of the kernel: of its kink, over a disc's width, and of its smooth part.
+/// Curvature of the kernel: that of its kink, relative to a disc's width, and that of its smooth part.
 const CURVATURE: (f32, f32) = (0.086, 1.15);
 
-/// Least width of a disc, as half a chord.
+/// Least width of a disc for the computation of a step, as half a chord.
 const LEAST_WIDTH: f32 = 1e-3;
 
 /// Returns the direction of a disc of mean vector `disc` after a step along `pull`.

@@ -25,13 +25,13 @@ const HYSTERESIS: f32 = 1.0;
 /// one direction.
 const LEAST_VARIANCE: f32 = 1e-7;
 
-/// Returns the bytes of the bit set that marks the interior nodes over maps of `order`.
+/// Returns the length in bytes of the bit set that marks the interior nodes of the tree over maps of `order`.
 #[must_use]
 pub const fn bits_len(domain: Domain, order: Order) -> usize {
     (1usize << (nodes::top(domain) + 2 * order.get())).div_ceil(8)
 }
 
-/// Interior nodes of this frame and of the last, and the heap of leaves.
+/// The interior nodes of the tree in this frame and the last, and the heap of leaves.
 #[derive(Clone, Debug)]
 pub(super) struct Tree<B, H> {
     interior: [B; 2],
@@ -126,31 +126,31 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>> Tree<B, H> {
 /// Limits of the growth of the tree.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Growth {
-    /// Largest number of lit leaves.
+    /// Largest number of lit leaves of the tree.
     pub(super) limit: usize,
-    /// Whether lights are discs.
+    /// Whether lights are fitted as discs.
     pub(super) soft: bool,
 }
 
-/// The position of a node.
+/// The position of a node: its level in the tree, and its index in the level.
 #[derive(Clone, Copy, Debug)]
 struct NodeIndex {
     level: u8,
     index: u32,
 }
 
-/// A node with its light.
+/// A node of the tree with the light from its directions.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     at: NodeIndex,
     quad: Quad,
 }
 
-/// Inputs of the importance of a node.
+/// Inputs from which the importance of a node is computed.
 struct ImportanceInputs<'a> {
     nodes: &'a Nodes<'a>,
     activity: &'a Activity,
-    /// Whether lights are discs.
+    /// Whether lights are fitted as discs.
     soft: bool,
 }
 

@@ -16,27 +16,27 @@ use super::{FITTED, step};
 use crate::light::Light;
 use crate::root::root;
 
-/// The ridge of a light of mean energy, over K(0).
+/// The ridge for a light of mean energy, relative to K(0).
 const RIDGE: f32 = 0.01;
 
-/// Largest factor by which a light's energy is changed; without the limit the fit would exchange energy between lights.
+/// Largest factor by which the fit changes a light's energy; without the limit, the fit would exchange energy between lights.
 const MOST: f32 = 2.0;
 
-/// [`RIDGE`] for discs, whose kernels overlap more.
+/// The value of [`RIDGE`] for discs, whose kernels overlap more.
 const DISC_RIDGE: f32 = 0.1;
 
-/// [`MOST`] for discs.
+/// The value of [`MOST`] for discs.
 const DISC_MOST: f32 = 4.0;
 
-/// Scratch memory of the fit.
+/// Working memory of the fit of the weights.
 #[derive(Clone, Debug)]
 pub(super) struct Fit {
-    /// K between lights; then its Cholesky factor in the lower triangle.
+    /// The kernel K between the lights; later its Cholesky factor in the lower triangle.
     matrix: [[f32; FITTED]; FITTED],
     lights: Vectors,
-    /// The residual, then the corrections, in `kernels`; for discs, the gradients in `pulls`.
+    /// In `kernels` the residual, later the corrections; in `pulls` the gradients, for discs.
     sums: KernelSums,
-    /// K between one source and each of the lights.
+    /// The kernel K between one source and each of the lights.
     own: [f32; FITTED],
     ones: [f32; FITTED],
 }
@@ -47,7 +47,7 @@ impl Fit {
         Self { matrix: [row; FITTED], lights: Vectors::new(), sums: KernelSums::new(), own: row, ones: row }
     }
 
-    /// Scales the lights that represent `sources`.
+    /// Changes the energies of the lights that represent `sources` to the least expected error.
     pub(super) fn run(&mut self, sources: &[Source], lights: &mut [Light]) {
         let n = lights.len().min(FITTED);
         let lights = &mut lights[..n];
@@ -56,12 +56,13 @@ impl Fit {
         self.finish(lights, RIDGE, MOST);
     }
 
-    /// Scales the discs that represent `sources`, which count as discs too.
+    /// Changes the energies of the discs that represent `sources`, which count as discs too, to the least expected error.
     pub(super) fn run_discs(&mut self, sources: &[Source], lights: &mut [Light]) {
         self.fit_discs(sources, lights, false);
     }
 
-    /// Scales the discs that represent `sources`, and moves each one step down the gradient of the error in the norm of the kernel.
+    /// Changes the energies of the discs that represent `sources`, and moves each disc one step down the gradient of the error in the norm
+    /// of the kernel.
     pub(super) fn step_discs(&mut self, sources: &[Source], lights: &mut [Light]) {
         self.fit_discs(sources, lights, true);
         for (i, light) in lights.iter_mut().enumerate().take(FITTED) {
@@ -69,7 +70,7 @@ impl Fit {
         }
     }
 
-    /// Scales discs; with `pulls`, computes their gradients in `sums`.
+    /// Changes the energies of discs; with `pulls`, computes the gradients of their errors in `sums`.
     fn fit_discs(&mut self, sources: &[Source], lights: &mut [Light], pulls: bool) {
         let n = lights.len().min(FITTED);
         let lights = &mut lights[..n];
@@ -92,7 +93,7 @@ impl Fit {
         }
     }
 
-    /// Solves for the corrections and applies them.
+    /// Solves for the corrections of the energies and applies them.
     fn finish(&mut self, lights: &mut [Light], ridge: f32, most: f32) {
         let n = lights.len();
         let mean = lights.iter().map(energy).sum::<f32>() / n as f32;
@@ -104,7 +105,7 @@ impl Fit {
         }
     }
 
-    /// Fills the matrix and clears the residual.
+    /// Fills the matrix with the kernel between the lights' `vectors` and clears the residual.
     fn prepare(&mut self, vectors: impl Iterator<Item = MeanVector> + Clone) {
         self.sums.clear(vectors.clone().count());
         self.ones = [1.0; FITTED];
@@ -156,7 +157,7 @@ impl Fit {
     }
 }
 
-/// Solves L L' x = b in place.
+/// Solves L L' x = b, where `x` contains b at first and the solution at the end.
 fn substitute(l: &[[f32; FITTED]; FITTED], x: &mut [f32]) {
     let n = x.len();
     for i in 0..n {
@@ -176,7 +177,7 @@ fn energy(light: &Light) -> f32 {
     crate::color::luminance(light.irradiance)
 }
 
-/// Adds the corrections to the lights' luminance without changing their colour.
+/// Adds the corrections to the luminance of the lights without changing their colour; `most` limits the factor.
 fn scale(lights: &mut [Light], corrections: &[f32], most: f32) {
     for (light, x) in lights.iter_mut().zip(corrections) {
         let y = energy(light);

@@ -6,8 +6,8 @@ use crate::light::Light;
 /// Fraction of the map's mean colour that is added to every light, so that a channel that is 0 in all lights can reach its total.
 const MEAN: f32 = 1e-3;
 
-/// Number of iterations. After eight iterations, 64 lights of a real map have equal luminance within 1e-5; if their colours differ by
-/// decades in each channel, within 10 to 20 %.
+/// Number of iterations of the fit. After eight iterations, 64 lights of a real map have equal luminance within 1e-5; if their colours
+/// differ by decades in each channel, within 10 to 20 %.
 const ROUNDS: usize = 8;
 
 /// Scales the irradiances so that each channel adds up to `total` and all lights have about equal luminance.
@@ -31,7 +31,7 @@ pub(super) fn share(lights: &mut [Light], total: [f64; 3]) {
     }
 }
 
-/// Scales each channel to its total.
+/// Scales each channel of the lights to its total.
 fn fit_channels(lights: &mut [Light], total: [f64; 3]) {
     let mut sum = [0.0f64; 3];
     for light in lights.iter() {

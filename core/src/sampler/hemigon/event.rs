@@ -3,17 +3,17 @@
 use super::inversion::light_of;
 use crate::polar::LatLongView;
 
-/// Rows and columns of the blocks in which maps are compared.
+/// Numbers of rows and columns of the blocks in which successive maps are compared.
 const ROWS: usize = 16;
 const COLUMNS: usize = 48;
 
-/// Ratio of a change to the mean change above which it is abrupt; noise varies this ratio by about a tenth.
+/// Ratio of a change from map to map to the mean change, above which the change is abrupt; noise varies this ratio by about a tenth.
 const FACTOR: f32 = 8.0;
 
-/// Least abrupt change, as a fraction of the energy; smaller changes are processed by the filter of each light.
+/// Least abrupt change, as a fraction of the map's energy; smaller changes are processed by the filter of each light.
 const LEAST: f32 = 0.01;
 
-/// Weight of the newest frame's change of energy in the running mean of such changes.
+/// Weight of the newest change of energy from map to map in the running mean of such changes.
 const MEMORY: f32 = 0.1;
 
 /// Limit of a change that enters the running mean, relative to the mean, so that one abrupt change raises the mean by little.
@@ -22,7 +22,7 @@ const MOST: f32 = 3.0;
 /// The distribution of the last map's light over blocks, and the running mean of the change from map to map.
 #[derive(Clone, Debug)]
 pub(super) struct Detector {
-    /// Fraction of the map's luminance energy in each block.
+    /// Fraction of the last map's luminance energy in each block.
     blocks: [f32; ROWS * COLUMNS],
     usual: Option<f32>,
     begun: bool,

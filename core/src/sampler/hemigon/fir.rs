@@ -18,17 +18,17 @@ use crate::sampler::SamplerKind;
 use core::f64::consts::PI;
 use glam::Vec3;
 
-/// Largest number of taps.
+/// Largest number of taps of a filter.
 pub const MAX_TAPS: usize = 63;
 
-/// Parameters of the low-pass filters.
+/// Parameters of the low-pass filters of `hemigon-fir`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameters {
-    /// Number of frames in the window, 1 to [`MAX_TAPS`] (clamped); 1 disables the filter.
+    /// Number of frames in the filter's window, 1 to [`MAX_TAPS`] (clamped); 1 disables the filter.
     pub taps: usize,
-    /// Cut-off frequency, hertz.
+    /// Cut-off frequency of the filter, hertz.
     pub cutoff_hz: f64,
-    /// Frames per second.
+    /// Assumed frame rate, frames per second.
     pub frame_rate_hz: f64,
 }
 
@@ -39,14 +39,15 @@ impl Default for Parameters {
     }
 }
 
-/// The coefficients of a filter, newest frame first.
+/// The coefficients of a low-pass filter, newest frame first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Kernel {
     weights: heapless::Vec<f64, MAX_TAPS>,
 }
 
 impl Kernel {
-    /// Computes a sinc under a Hamming window, normalised to a sum of 1: `h(k) = w(k) sinc(2 fc (k - (M - 1) / 2) / fs)`.
+    /// Computes the coefficients as a sinc under a Hamming window, normalised to a sum of 1: `h(k) = w(k) sinc(2 fc (k - (M - 1) / 2) /
+    /// fs)`.
     #[must_use]
     pub fn new(parameters: &Parameters) -> Self {
         let taps = parameters.taps.clamp(1, MAX_TAPS);
@@ -67,7 +68,7 @@ impl Kernel {
         Self { weights }
     }
 
-    /// Returns the coefficients, newest frame first.
+    /// Returns the coefficients of the filter, newest frame first.
     #[must_use]
     pub fn weights(&self) -> &[f64] {
         &self.weights
@@ -92,11 +93,11 @@ pub fn paths_len(parameters: &Parameters, lights: usize) -> usize {
 pub struct Fir<P> {
     kernel: Kernel,
     paths: P,
-    /// Total energy of the last frames, in a ring buffer.
+    /// Total energy of the map in each of the last frames, in a ring buffer.
     totals: [[f64; 3]; MAX_TAPS],
     /// Index of the newest frame in the ring buffers.
     head: usize,
-    /// Whether a frame has been processed.
+    /// Whether a frame has been processed since the last reset.
     begun: bool,
 }
 
@@ -111,7 +112,7 @@ impl<P: Buffer<Vec3>> Fir<P> {
         Ok(Self { kernel, paths, totals: [[0.0; 3]; MAX_TAPS], head: 0, begun: false })
     }
 
-    /// Returns weight and ring index of each frame, the newest first.
+    /// Returns weight and ring index of each frame in the window, the newest first.
     fn frames(&self) -> impl Iterator<Item = (f64, usize)> {
         let (head, taps) = (self.head, self.kernel.weights.len());
         self.kernel.weights().iter().enumerate().map(move |(k, w)| (*w, (head + taps - k) % taps))
@@ -141,7 +142,7 @@ impl<P: Buffer<Vec3>> Follow for Fir<P> {
                 *s += weight * v;
             }
         }
-        // Side lobes make the sum negative after light is switched off.
+        // Side lobes of the filter make the sum negative after light is switched off.
         sum.map(|v| v.max(0.0))
     }
 
@@ -155,7 +156,8 @@ impl<P: Buffer<Vec3>> Follow for Fir<P> {
         let path = &self.paths.as_ref()[slot * taps..(slot + 1) * taps];
         let mut mean: Vec3 = self.frames().map(|(weight, at)| path[at] * weight as f32).sum();
         if mean.z * seen.direction.z < 0.0 {
-            // Side lobes overshoot across the horizon: the filtered direction stays in the hemisphere of the measured one.
+            // Side lobes of the filter overshoot across the horizon: the filtered direction is limited to the hemisphere of the measured
+            // one.
             mean.z = 0.0;
         }
         PathPoint { direction: mean.try_normalize().unwrap_or(seen.direction), ..seen }

@@ -9,7 +9,7 @@ use glam::Vec3;
 pub struct PathPoint {
     /// Direction of the light, a unit vector.
     pub direction: Vec3,
-    /// Linear RGB of a luminance of about 1.
+    /// Linear RGB colour of the light, of a luminance of about 1.
     pub colour: [f32; 3],
 }
 
@@ -21,7 +21,7 @@ pub trait Follow {
     /// Returns the number of slots for which the filter has memory.
     fn slots(&self) -> usize;
 
-    /// Begins a frame; `abrupt` states that the map changed abruptly.
+    /// Begins a frame; `abrupt` is true if the map has changed abruptly.
     fn begin(&mut self, abrupt: bool);
 
     /// Filters the total RGB energy of the map; the result is the sum of the irradiances of the lights.

@@ -30,10 +30,10 @@ use glam::DVec3;
 /// light of 200.
 pub const FLOOR: f64 = 0.005;
 
-/// One ring of a hemisphere.
+/// One ring of a hemisphere: a row of the map.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Ring {
-    /// |z| of the lower edge of the ring.
+    /// |z| of the lower edge of the ring on the unit sphere.
     z: f64,
     /// Luminance energy of the ring per unit of z.
     radiance: f64,
@@ -58,7 +58,7 @@ pub struct Place {
     pub direction: DVec3,
     /// Index of a texel with light in the column of the image, from which the light takes its colour.
     pub texel: usize,
-    /// Probability density over solid angle, per steradian, within the hemisphere.
+    /// Probability density of the direction over solid angle, per steradian, within the hemisphere.
     pub pdf_sa: f64,
 }
 
@@ -71,7 +71,7 @@ pub struct Inversion<C, R> {
     rings: R,
 }
 
-/// A point of a ring: its column, and its position in the column.
+/// A point of a ring of the map: its column, and its position in the column.
 struct ColumnPoint {
     column: usize,
     /// Position of the point within the column, as a fraction of the column's width, 0..=1.
@@ -84,7 +84,7 @@ struct ColumnPoint {
 struct RingPair {
     /// Indices of the upper and of the lower ring.
     rings: [usize; 2],
-    /// Position between the centres: 0 at the centre of the upper ring, 1 at the centre of the lower ring.
+    /// Position between the centres of the two rings: 0 at the centre of the upper ring, 1 at the centre of the lower ring.
     part: f64,
 }
 
@@ -96,7 +96,7 @@ struct Blend<'a> {
 }
 
 impl Blend<'_> {
-    /// Returns the luminance energy before column `j`.
+    /// Returns the luminance energy of the distribution before column `j`.
     fn before(&self, j: usize) -> f64 {
         let part = |row: &[f32]| if j == 0 { 0.0 } else { f64::from(row[j - 1]) };
         let [a, b] = self.rows;
@@ -145,7 +145,7 @@ impl<C: Buffer<f32>, R: Buffer<Ring>> Inversion<C, R> {
         [upper, lower]
     }
 
-    /// Returns the number of rings of one hemisphere.
+    /// Returns the number of rings of one hemisphere of the map.
     fn count(&self) -> usize {
         match self.grid.domain {
             Domain::Hemisphere => self.grid.height,
@@ -251,7 +251,8 @@ impl<C: Buffer<f32>, R: Buffer<Ring>> Inversion<C, R> {
 /// Largest number below 1, to which a coordinate of 1 is limited so that it falls into the last bin.
 const BELOW_ONE: f64 = 1.0 - f64::EPSILON;
 
-/// Writes the cumulative fraction of the light up to the end of each column, counter-clockwise from phi = 0; returns the light of the row.
+/// Writes to `row` the cumulative fraction of the light up to the end of each column, counter-clockwise from phi = 0; returns the light of
+/// the row.
 fn accumulate(texels: &[[f32; 3]], row: &mut [f32]) -> f64 {
     let width = texels.len();
     let sum: f64 = texels.iter().map(|t| light_of(*t)).sum();
@@ -268,7 +269,7 @@ fn counted(width: usize, k: usize) -> usize {
     (width / 2 + width - 1 - k) % width
 }
 
-/// Returns the luminance of a texel; 0 for negative or non-finite energy.
+/// Returns the luminance energy of a texel; 0 for negative or non-finite energy.
 pub(super) fn light_of(rgb: [f32; 3]) -> f64 {
     f64::from(luminance(sound(rgb)))
 }

@@ -31,17 +31,17 @@ use crate::buffer::{self, Buffer, TooSmall};
 use crate::sampler::SamplerKind;
 use glam::Vec3;
 
-/// Parameters of the filter.
+/// Parameters of the Kalman filter of a light's path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameters {
-    /// Frames per second.
+    /// Assumed frame rate, frames per second.
     pub frame_rate_hz: f32,
-    /// Variance of the state's random walk per second, relative to the variance of the noise. A higher value follows drift faster and smooths
-    /// less.
+    /// Variance per second of the random walk of the state, relative to the variance of the noise. A higher value follows drift faster and
+    /// smooths less.
     pub drift_hz: f32,
-    /// Squared step in standard deviations above which it is a jump.
+    /// Squared step, in standard deviations, above which the step is a jump.
     pub gate: f32,
-    /// Whether a jump has gain 1 only after the next frame confirms it.
+    /// Whether a jump gets the gain 1 only after the next frame has confirmed it.
     pub confirm: bool,
     /// CUSUM of the steps above which a small step counts as persistent; infinite to disable the test. Each step is clamped and reduced by
     /// [`SLACK`].
@@ -61,13 +61,13 @@ impl Parameters {
         Self { frame_rate_hz: 10.0, drift_hz: 0.5, gate: 13.8, confirm: true, alarm: 5.0 };
 }
 
-/// State of one Kalman filter.
+/// State of the Kalman filter of one value.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Kalman {
-    /// P, the variance of the filtered value.
+    /// Variance P of the filtered value.
     variance: f32,
     cusum: Vec3,
-    /// The last frame's jump, in standard deviations, while it is not confirmed; otherwise 0.
+    /// The jump of the last frame, in standard deviations, while it is not confirmed; otherwise 0.
     suspected: Vec3,
     /// Whether the gain of the last frame was that of a jump.
     jumped: bool,
@@ -80,7 +80,7 @@ impl Kalman {
         Self { variance: noise, ..Self::default() }
     }
 
-    /// Computes the gain, 0..=1, for `step` under noise of variance `noise` per axis, and updates the state.
+    /// Computes the gain, 0..=1, for the step `step` under noise of variance `noise` per axis, and updates the state.
     pub fn gain(&mut self, parameters: &Parameters, step: Vec3, noise: f32) -> f32 {
         let variance = self.variance + parameters.drift_hz / parameters.frame_rate_hz * noise;
         let w = step / libm::sqrtf(variance + noise);
@@ -106,7 +106,7 @@ impl Kalman {
         1.0
     }
 
-    /// Adds a step to the CUSUM; returns the length of the CUSUM.
+    /// Adds the step `w` to the CUSUM; returns the length of the CUSUM.
     fn accumulate(&mut self, w: Vec3) -> f32 {
         let sum = self.cusum + w.clamp_length_max(CLAMP);
         let length = (sum.length() - SLACK).max(0.0);
@@ -119,31 +119,32 @@ impl Kalman {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PathFilter {
     kalman: Kalman,
-    /// Filtered direction of the last frame.
+    /// Filtered direction of the light in the last frame.
     direction: Vec3,
     colour: [f32; 3],
-    /// Measured directions of the last two frames.
+    /// Measured directions of the light in the last two frames.
     measured: [Vec3; 2],
     /// Variance of the noise per axis, radians squared, estimated from second differences; acceleration counts as noise.
     uneven: f32,
     /// Running mean of the scalar product of successive steps, divided by the square of the longer one: 1 for uniform motion,
     /// [`NOISE_HEADING`] for noise.
     heading: f32,
-    /// Number of frames in the noise estimate, at most [`SETTLED`].
+    /// Number of frames that the noise estimate contains, at most [`SETTLED`].
     measurements: u8,
 }
 
-/// Least variance of the noise per axis, radians squared: a standard deviation of 0.006 degrees, which is invisible.
+/// Least variance of the noise per axis that the filter assumes, radians squared: a standard deviation of 0.006 degrees, which is
+/// invisible.
 const LEAST_NOISE: f32 = 1e-8;
 
-/// Number of frames over which the noise is averaged.
+/// Number of frames over which the noise estimate is averaged.
 const SETTLED: u8 = 10;
 
 /// Mean of the scalar product of successive steps, divided by the square of the longer one, for normal noise in the plane: each step
 /// partly undoes the last.
 const NOISE_HEADING: f32 = -0.27;
 
-/// Limit of a squared second difference, relative to the estimate, so that jumps do not count as noise.
+/// Limit of a squared second difference that enters the noise estimate, relative to the estimate, so that jumps do not count as noise.
 const MOST_NOISE: f32 = 9.0;
 
 impl PathFilter {

@@ -31,11 +31,11 @@ use event::Detector;
 use follow::{Follow, PathPoint};
 use inversion::{Inversion, Ring, rings_len};
 
-/// Largest number of lights.
+/// Largest number of lights of the sampler.
 pub const MAX_LIGHTS: usize = 8192;
 
-/// Largest difference of a hemisphere's number of lights from its exact share before lights are moved to the other hemisphere: 0.5 is
-/// rounding, the rest prevents moves by noise.
+/// Largest difference between a hemisphere's number of lights and its exact share, above which lights are moved to the other hemisphere:
+/// 0.5 is rounding, the rest prevents moves by noise.
 const HYSTERESIS: f64 = 0.6;
 
 /// Number of elements of each buffer of [`Hemigon`] and its [`Inversion`]. The filter has further buffers ([`fir::paths_len`]; two
@@ -44,13 +44,13 @@ const HYSTERESIS: f64 = 0.6;
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub struct Sizes {
-    /// Elements of the conditional distributions: one per texel.
+    /// Number of elements of the conditional distributions: one per texel.
     pub texels: usize,
-    /// Rings of the inversion.
+    /// Number of rings of the inversion.
     pub rings: usize,
-    /// Ages: two per light.
+    /// Number of ages: two per light.
     pub lives: usize,
-    /// Lights, at most [`MAX_LIGHTS`].
+    /// Number of lights, at most [`MAX_LIGHTS`].
     pub lights: usize,
 }
 
@@ -62,7 +62,7 @@ impl Sizes {
         Self { texels: grid.len(), rings: rings_len(grid), lives: 2 * lights, lights }
     }
 
-    /// Returns name and size of each buffer.
+    /// Returns name and size of each buffer of the sampler.
     #[must_use]
     pub const fn buffers(&self) -> [BufferSize; 4] {
         [
@@ -132,7 +132,7 @@ impl<C: Buffer<f32>, R: Buffer<Ring>, F: Follow, A: Buffer<u32>, L: Buffer<Light
         Ok(new)
     }
 
-    /// Returns the largest number of lights.
+    /// Returns the largest number of lights for which the buffers have memory.
     #[must_use]
     pub fn capacity(&self) -> usize {
         self.lights.as_ref().len().min(MAX_LIGHTS)
@@ -154,7 +154,7 @@ impl<C: Buffer<f32>, R: Buffer<Ring>, F: Follow, A: Buffer<u32>, L: Buffer<Light
                 *life = 0;
                 continue;
             };
-            // Solid angle that the light represents, 1 / (n pdf), as a cap.
+            // The cap has the solid angle that the light represents, 1 / (n pdf).
             let cap = 1.0 / (points as f64 * place.pdf_sa);
             self.lights.as_mut()[count] = Light {
                 id: id(lower, i),
@@ -170,7 +170,7 @@ impl<C: Buffer<f32>, R: Buffer<Ring>, F: Follow, A: Buffer<u32>, L: Buffer<Light
         count - first
     }
 
-    /// Replaces the directions and colours of the first `count` lights by filtered ones.
+    /// Replaces the directions and colours of the first `count` lights by those that the filter returns.
     fn smooth(&mut self, count: usize) {
         let capacity = self.capacity();
         for light in &mut self.lights.as_mut()[..count] {

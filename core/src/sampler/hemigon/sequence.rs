@@ -1,4 +1,4 @@
-//! The fixed sequence of points of the unit square.
+//! The fixed sequence of points of the unit square, of which each gives one light.
 //!
 //! The points are chosen on the disk: the area coordinate is Halton's sequence in base 3, the turn is Halton's sequence in base 2. The
 //! concentric map converts the square's points to the points of the disk. The turns of the lower hemisphere differ from the turns of the
@@ -20,7 +20,7 @@ pub fn point(lower: bool, index: u32) -> [f64; 2] {
 /// Returns the point of the square whose image under the concentric map has area coordinate `q` and `turn`, both 0..1.
 fn square(q: f64, turn: f64) -> [f64; 2] {
     let r = libm::sqrt(q);
-    // Signed offset from the middle of a side of the square, in eighths of a turn, -1..=1.
+    // The offset is signed and from the middle of a side of the square, in eighths of a turn, -1..=1.
     let quarter = libm::floor(4.0 * turn + 0.5);
     let along = r * 2.0 * (4.0 * turn - quarter);
     let (a, b) = match quarter as u32 % 4 {

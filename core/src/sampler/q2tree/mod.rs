@@ -60,21 +60,21 @@ use id::{id_of, ipix_of, jitter, order_of, range};
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Placement {
-    /// At the energy centroid: `q2tree`.
+    /// The light is at the energy centroid of the quad: `q2tree`.
     Centroid,
-    /// A pseudo-random point that depends on the quad alone, within `spread` of the quad's width around its centre: `q2tree-jitter`.
+    /// The light is at a pseudo-random point that depends on the quad alone, within `spread` widths around its centre: `q2tree-jitter`.
     Jitter {
         /// Width of the range of points, as a fraction of the quad's width, 0..=1.
         spread: f32,
     },
 }
 
-/// Parameters of the tree.
+/// Parameters of the Q2-tree.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameters {
-    /// Exponent a of the energy in the importance, at least 0.
+    /// Exponent a of the energy in the importance of a quad, at least 0.
     pub energy_exponent: f32,
-    /// Exponent b of the solid angle in the importance, at least 0.
+    /// Exponent b of the solid angle in the importance of a quad, at least 0.
     pub solid_angle_exponent: f32,
     /// Frame-to-frame threshold tau: relative importance by which a split must exceed a split of the last frame to replace it.
     pub threshold: f32,
@@ -101,7 +101,7 @@ impl Default for Parameters {
     }
 }
 
-/// An element of the heap: a leaf that can be split.
+/// An element of the heap: a leaf of the tree that can be split.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Leaf {
     importance: f32,
@@ -124,7 +124,7 @@ impl Leaf {
 pub struct Past {
     id: u32,
     age: u32,
-    /// Id of the parent, 0 for none.
+    /// Id of the light's parent; 0 for none.
     parent: u32,
 }
 
@@ -145,9 +145,9 @@ pub const fn interior_len(domain: Domain, order: Order) -> usize {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub struct Sizes {
-    /// Bytes of each of the two bit sets.
+    /// Number of bytes of each of the two bit sets.
     pub interior: usize,
-    /// Elements of the heap, of the lights and of the past lights.
+    /// Number of elements of the heap, of the lights and of the past lights.
     pub lights: usize,
 }
 
@@ -158,7 +158,7 @@ impl Sizes {
         Self { interior: interior_len(domain, order), lights }
     }
 
-    /// Returns name and size of each buffer.
+    /// Returns name and size of each buffer of the sampler.
     #[must_use]
     pub const fn buffers(&self) -> [BufferSize; 4] {
         [
@@ -334,7 +334,7 @@ fn place(placement: Placement, domain: Domain, order: u8, ipix: u32, quad: &Quad
     light
 }
 
-/// Returns the bit index of a quad, unique over all orders.
+/// Returns the index of a quad in the bit sets, unique over all orders.
 fn index(domain: Domain, order: u8, ipix: u32) -> usize {
     crate::pyramid::first(domain, order) + ipix as usize
 }
