@@ -19,7 +19,7 @@ fn pictures() -> Option<Vec<PathBuf>> {
     Some(files)
 }
 
-/// Output, errors and exit status of a run of the program.
+/// Output, errors and exit status of a finished run of the program.
 struct Ended {
     status: Option<i32>,
     out: String,
@@ -322,7 +322,7 @@ fn photometric_calibration_is_combined_checked_and_served_in_lux() {
     probe.wait().expect("ended");
 }
 
-/// Starts a probe and returns its process and address.
+/// Starts a probe and returns its process and its address.
 fn serve(arguments: &[&str]) -> (std::process::Child, String) {
     use std::io::BufRead;
     let mut command = Command::new(env!("CARGO_BIN_EXE_hemilux"));

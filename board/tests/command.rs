@@ -1,4 +1,4 @@
-//! The program as a process: start, first line of output, answers and end.
+//! Tests of the program as a process: start, first line of output, answers and end.
 
 #![cfg(feature = "server")]
 
@@ -64,7 +64,7 @@ fn the_program_prints_its_address_serves_and_ends_with_status_0() {
     }
 }
 
-/// Sends a request with these headers and returns the first line of the answer.
+/// Sends a request with `headers` and returns the first line of the answer.
 fn ask(address: &str, request: &str, headers: &str) -> String {
     let mut stream = TcpStream::connect(address).expect("a connection");
     write!(stream, "{request} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n{headers}\r\n")

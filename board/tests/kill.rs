@@ -1,6 +1,6 @@
 //! A probe that is killed while it saves its settings or creates a token, and one whose disk is full.
 //!
-//! The environment variable `HEMILUX_KILLS` is the number of kills, 1000 for the whole run.
+//! The environment variable `HEMILUX_KILLS` is the number of kills; the whole run has 1000.
 
 #![cfg(feature = "server")]
 
@@ -65,7 +65,7 @@ fn save(address: &str, lights: u64) -> Option<String> {
     Some(reply)
 }
 
-/// Returns the setting `lights` of the file; asserts that the file is whole.
+/// Returns the setting `lights` in the configuration file; asserts that the file is whole.
 fn saved(folder: &Path) -> i64 {
     let text = std::fs::read_to_string(folder.join("hemilux.toml")).expect("a file");
     assert!(text.starts_with(COMMENT) && text.contains("# in lumen"), "comments are kept: {text}");

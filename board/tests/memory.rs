@@ -44,7 +44,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Largest memory of a probe in addition to its buffers, bytes: names, settings, histograms of its stages, channels.
+/// Largest memory that a probe allocates in addition to its buffers, bytes: names, settings, histograms of its stages, channels.
 const REST: usize = 12 << 10;
 
 /// Number of frames after which all memory is allocated: each of the four published sets has been used.

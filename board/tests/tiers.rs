@@ -13,8 +13,8 @@ use std::sync::Arc;
 const WARM_UP: usize = 10;
 const FRAMES: usize = 60;
 
-/// Change of light sets from frame to frame: the share of ids that stay, and the mean change of the irradiance of receivers with normals along
-/// the axes, divided by its mean.
+/// Change of light sets from frame to frame: the fraction of ids that stay, and the mean change of the irradiance of receivers with normals
+/// along the axes, divided by the mean irradiance.
 #[derive(Debug)]
 struct Steadiness {
     kept: f64,

@@ -3,7 +3,7 @@ use hemilux_core::{Calibration, Exposure, Format, FrontEnd, Lens, Q2Tree};
 
 const SIDE: usize = 64;
 const LIGHTS: usize = 16;
-/// Seconds of the three exposures, ascending.
+/// Exposure times of the burst's three frames, seconds, ascending.
 const TIMES: [f64; 3] = [0.001, 0.008, 0.064];
 
 /// Stands in for a camera: returns rows of red, green and blue bytes of a sky and a lamp.

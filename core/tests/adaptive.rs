@@ -19,7 +19,7 @@ fn random(domain: Domain, order: u8, seed: u64) -> Pyramid<Vec<Quad>> {
     lit(domain, order, |_| [(); 3].map(|()| 10f32.powf(rng.random_range(-3.0..1.0))))
 }
 
-/// Asserts the invariants of every set: channel sums, unit directions, unique ids, no negative irradiance.
+/// Asserts the invariants of every light set: channel sums, unit directions, unique ids, no negative irradiance.
 fn check(lights: &[Light], map: &Pyramid<Vec<Quad>>) {
     let total = map.view().total().rgb();
     for (c, total) in total.into_iter().enumerate() {
@@ -171,7 +171,7 @@ fn ten_thousand_random_frames_satisfy_every_invariant() {
     }
 }
 
-/// Returns a grey room with a lamp of one texel width at `lamp`, with 2 % noise.
+/// Returns the map of a grey room with a lamp of one texel width at `lamp`, with 2 % noise.
 fn room(lamp: Option<Vec3>, noise: u64) -> Pyramid<Vec<Quad>> {
     let mut rng = seeded(noise);
     lit(Domain::Sphere, 5, |ipix| {

@@ -11,7 +11,7 @@ use hemilux_core::polar::LatLongView;
 use hemilux_core::pyramid::{Pyramid, Quad};
 use hemilux_core::sampler::{Map, Request, Sampler};
 
-/// A light set with copies of its lights.
+/// A light set of the sampler, with copies of its lights.
 struct Made {
     lights: Vec<Light>,
     ambient: Option<Sh9>,
@@ -38,7 +38,7 @@ const fn with(lights: usize, tolerance: Option<f32>, ambient: bool) -> Request {
     Request { lights, tolerance, ambient, soft: false }
 }
 
-/// Returns the shadowed error as defined in `host-sim/METRICS.md`, in f64 over all texels.
+/// Returns the shadowed error of a light set as defined in `host-sim/METRICS.md`, in f64 over all texels.
 fn judged(map: &Pyramid<Vec<Quad>>, made: &Made) -> f64 {
     let view = map.view();
     let lattice = |k: usize| {
@@ -75,7 +75,7 @@ fn judged(map: &Pyramid<Vec<Quad>>, made: &Made) -> f64 {
     (squares * 512.0).sqrt() / mean
 }
 
-/// Returns a sky with the luminance of the CIE overcast sky, (1 + 2 sin elevation) / 3.
+/// Returns the map of a sky with the luminance of the CIE overcast sky, (1 + 2 sin elevation) / 3.
 fn overcast() -> Pyramid<Vec<Quad>> {
     lit(Domain::Hemisphere, 5, |ipix| grey((1.0 + 2.0 * above(Domain::Hemisphere, 5, ipix).z) / 3.0))
 }
@@ -92,7 +92,7 @@ fn clear() -> (Pyramid<Vec<Quad>>, Vec3) {
     (map, healpix::centre(5, sun).as_vec3())
 }
 
-/// Returns a dim room with a window and lamps.
+/// Returns the map of a dim room with a window and lamps.
 fn room(domain: Domain, seed: u64, noise: f32) -> Pyramid<Vec<Quad>> {
     let mut rng = seeded(seed);
     let near =
@@ -322,7 +322,7 @@ fn discs_stay_in_a_scene_at_rest_and_become_points_on_request() {
         }
         assert_close(&made.lights, &expected.lights, "at rest");
         if lights > 16 {
-            // Hysteresis keeps some splits of large sets of discs, so the points differ.
+            // Hysteresis keeps some splits of large sets of discs, so the sets of points differ.
             continue;
         }
         for _ in 0..40 {
@@ -334,7 +334,7 @@ fn discs_stay_in_a_scene_at_rest_and_become_points_on_request() {
     }
 }
 
-/// Asserts that two lists of lights differ by rounding only.
+/// Asserts that two lists of lights differ only by rounding.
 fn assert_close(found: &[Light], expected: &[Light], name: &str) {
     assert_eq!(found.len(), expected.len(), "{name}");
     for (a, b) in found.iter().zip(expected) {

@@ -56,7 +56,7 @@ fn total(format: Format, bin: u32, side: u32, code: impl Fn(u32, u32) -> u16) ->
 #[test]
 fn binned_frames_have_the_light_of_the_frame_itself() {
     for format in FORMATS {
-        // A pattern per colour with means of 30 and of 90, below saturation in both exposures of 8 bits.
+        // The code is a pattern per colour with means of 30 and of 90, below saturation in both exposures of 8 bits.
         let code = |x: u32, y: u32| {
             (if (x + y).is_multiple_of(2) { 20 } else { 40 }) + ((x / 2 + 2 * (y / 2)) % 4) as u16 * 4
         };

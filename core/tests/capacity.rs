@@ -34,7 +34,7 @@ fn pixel_table_needs_exactly_the_computed_sizes() {
     assert_eq!(build(s, w - 1, r, t), short(w));
     assert_eq!(build(s, w, r - 1, t), short(r));
     assert_eq!(build(s, w, r, t - 1), short(t));
-    // Eight faces of 64 texels.
+    // The map has eight faces of 64 texels.
     assert_eq!((s, t), (240, 512));
 }
 
@@ -68,7 +68,7 @@ fn arrays_and_slices_are_buffers() {
 
 #[test]
 fn a_cap_has_the_radius_of_its_mean_resultant_length() {
-    // R of a uniform cap is (1 + cos a) / 2: here a point, a hemisphere and a sphere.
+    // The mean resultant length R of a uniform cap is (1 + cos a) / 2; the three caps are a point, a hemisphere and a sphere.
     for (resultant, degrees) in
         [(1.0, 0.0), (0.75, 60.0), (0.5, 90.0), (0.0, 180.0), (1.1, 0.0), (-1.0, 180.0)]
     {

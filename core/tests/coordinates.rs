@@ -9,7 +9,7 @@ use hemilux_core::wire::Coordinates;
 
 const ALL: [Coordinates; 4] = [Coordinates::Probe, Coordinates::YUp, Coordinates::Unity, Coordinates::Unreal];
 
-/// Returns the real orthonormal basis without Condon-Shortley phase, from its textbook form.
+/// Returns the real orthonormal basis of spherical harmonics at `d`, without Condon-Shortley phase, from its textbook form.
 fn basis(d: DVec3) -> [f64; 9] {
     let (x, y, z) = (d.x, d.y, d.z);
     let pi = core::f64::consts::PI;
@@ -27,7 +27,7 @@ fn basis(d: DVec3) -> [f64; 9] {
     ]
 }
 
-/// Converts a direction from the probe's axes as stated in `board/FORMATS.md`.
+/// Converts a direction from the probe's axes to the coordinates `c`, as stated in `board/FORMATS.md`.
 fn turned(c: Coordinates, d: DVec3) -> DVec3 {
     match c {
         Coordinates::Probe => d,

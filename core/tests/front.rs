@@ -18,7 +18,7 @@ use hemilux_core::internals;
 use hemilux_core::internals::pixel_table::pixel_table_size;
 use hemilux_core::lens::{Intrinsics, Lens, Model};
 
-/// Returns lenses with image sizes and map orders.
+/// Returns lenses, each with the width and height of an image and the order of a map.
 fn views() -> Vec<(Lens, u32, u32, u8)> {
     let vignetting = [1.0, 0.0, -0.2, 0.0, 0.01, 0.0, 0.0, 0.0];
     let fading = Intrinsics { vignetting, ..plain(Model::Equidistant, [160.2, 119.1], 98.0, 80.0) };
@@ -38,7 +38,7 @@ fn views() -> Vec<(Lens, u32, u32, u8)> {
     ]
 }
 
-/// Returns solid angle divided by illumination of every pixel, above and below the horizon; 0 outside of the field of view.
+/// Returns, for every pixel, the solid angle divided by the illumination above and below the horizon; 0 outside of the field of view.
 fn weights(lens: &Lens, width: u32, height: u32) -> Vec<(f64, f64)> {
     let pixels = (0..width * height).map(|i| DVec2::new(f64::from(i % width), f64::from(i / width)));
     pixels
@@ -62,7 +62,7 @@ fn energy_of_the_map_equals_that_of_the_pixels() {
     for (lens, width, height, order) in views() {
         let pixel_table = pixel_table(&lens, width, height, order);
         let mut rng = seeded(4);
-        // A range of three and a half decades, which fits one 16-bit exposure.
+        // The codes have a range of three and a half decades, which fits one 16-bit exposure.
         let frame: Vec<u16> =
             (0..3 * width * height).map(|_| 10f64.powf(rng.random_range(1.0..4.5)) as u16).collect();
         let (map, seen) = expose(&pixel_table, &frame);
@@ -124,7 +124,7 @@ fn seen_and_unseen_solid_angles_add_up_to_the_hemisphere() {
 fn light_below_the_horizon_is_excluded_and_reported() {
     let pixel_table = pixel_table(&full_circle(Model::Equisolid, 936, 93.0), 936, 936, 5);
     let (map, seen) = expose(&pixel_table, &constant(&pixel_table, 20_000));
-    // (cos 90 - cos 93) / (1 - cos 90).
+    // The expected ratio is (cos 90 - cos 93) / (1 - cos 90), angles in degrees.
     let expected = -(93f64.to_radians().cos());
     assert!(off(seen.below, expected) < 5e-3, "{seen:?}");
     assert!(off(f64::from(map.view().total().energy[0]), TAU * radiance_of(20_000)) < 1e-3);
@@ -150,7 +150,7 @@ fn sun_of_two_pixels_keeps_its_energy_and_direction() {
         assert!(off(f64::from(total.energy[2]), expected) < 1e-3, "{width}: {total:?} {expected}");
         let d = lens.unproject(at + 0.5 * DVec2::X).expect("inside the view");
         let found = total.first_moment().as_dvec3().normalize();
-        // Half the diagonal of the texels that receive the light.
+        // The tolerance is half the diagonal of the texels that receive the light.
         assert!(found.distance(d) < healpix::solid_angle(pixel_table.source_order()).sqrt(), "{found} {d}");
     }
 }
@@ -277,7 +277,7 @@ fn images_without_a_pixel_table_are_refused() {
         pixel_table_size(&aside, ImageSize { width: 640, height: 480 }, 5),
         Err(PixelTableError::NothingSeen)
     );
-    // Pixels larger than the texels of order 0.
+    // The pixels of this lens are larger than the texels of order 0.
     let huge = full_circle(Model::Equidistant, 3, 90.0);
     assert_eq!(pixel_table_size(&huge, ImageSize { width: 3, height: 3 }, 0), Err(PixelTableError::BadOrder));
 }
@@ -303,7 +303,7 @@ fn runs_have_the_texels_of_their_pixels() {
                 let pixel_sr = lens.solid_angle(at).expect("seen");
                 let own = pixel_sr / lens.illumination(d.z.acos());
                 let error = (f64::from(weight) * view.weight_unit - own).abs();
-                // Tolerance of half a pixel's width in radians, since widths of neighbouring pixels of a run differ by little.
+                // The tolerance is half a pixel's width in radians, since the widths of neighbouring pixels of a run differ by little.
                 let most = 0.55 * pixel_sr.sqrt() * own + view.weight_unit;
                 assert!(error <= most, "{column} {row}: {weight} {own}");
             }

@@ -20,13 +20,13 @@ use std::fmt::Write as _;
 const TABLE: &str = "tests/front_end_table.txt";
 const LIGHTS: usize = 64;
 
-/// One row of the table.
+/// One row of the table: a camera, its bursts and the sampler.
 struct Case {
     name: String,
     format: Format,
     response: Response,
     exposures: Vec<Exposure>,
-    /// Number of padding bytes per row.
+    /// Number of padding bytes at the end of each row of a frame.
     padding: usize,
     order: u8,
     extrapolated: bool,
@@ -120,7 +120,7 @@ fn bytes(layout: &Layout, exposure: usize) -> Vec<u8> {
         state ^= state >> 17;
         state ^= state << 5;
         let (row, column) = (at / line, at % line);
-        // A lamp that saturates in every exposure, a lamp that saturates in the longer exposures, and a gradient.
+        // The frame shows a lamp that saturates in every exposure, a lamp that saturates in the longer exposures, and a gradient.
         let lamp = (row.abs_diff(60) + column.abs_diff(line / 2)) < 9;
         let window = (row.abs_diff(100) + column.abs_diff(line / 3)) < 30;
         let base = if lamp {

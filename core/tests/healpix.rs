@@ -77,7 +77,7 @@ fn points_of_a_quad_map_back_into_it() {
         let mut rng = seeded(u64::from(order) + 40);
         for _ in 0..20_000 {
             let ipix = rng.random_range(0..12u32 << (2 * order));
-            // The distance from the edges exceeds the rounding error at the finest order.
+            // The points keep a distance from the edges of their quad that exceeds the rounding error at the finest order.
             let [x, y] = [(); 2].map(|()| rng.random_range(1e-6..1.0 - 1e-6));
             let d = healpix::point(order, ipix, x, y);
             assert!((d.length() - 1.0).abs() < 1e-12, "a unit vector");
@@ -131,7 +131,7 @@ fn split_and_join_are_inverse() {
             assert_eq!(healpix::join(order, FaceCell { face, x, y }), ipix);
         }
     }
-    // Hand-written: x = 0b0101, y = 0b0011 interleave to 0b00_01_10_11 (y first).
+    // Written by hand: x = 0b0101, y = 0b0011 interleave to 0b00_01_10_11 (y first).
     assert_eq!(healpix::join(4, FaceCell { face: 0, x: 0b0101, y: 0b0011 }), 0b0001_1011);
     assert_eq!(healpix::join(13, FaceCell { face: 11, x: 8191, y: 8191 }), 12 * (1 << 26) - 1);
 }

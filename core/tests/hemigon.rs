@@ -65,7 +65,7 @@ fn total(rgb: impl Iterator<Item = [f32; 3]>) -> [f64; 3] {
     rgb.fold([0.0; 3], |sum, v| core::array::from_fn(|c| sum[c] + f64::from(v[c])))
 }
 
-/// Returns the energy of a map, in which non-finite and negative numbers count as 0.
+/// Returns the energy of the texels of a map; non-finite and negative numbers count as 0.
 fn light_in(texels: &[[f32; 3]]) -> [f64; 3] {
     total(texels.iter().map(|t| t.map(|v| if v > 0.0 { v.min(1e29) } else { 0.0 })))
 }
@@ -312,7 +312,7 @@ fn energy_is_exact_over_random_frames() {
     }
 }
 
-/// Returns a dim sky with 1 % noise and, if `lit`, a lamp with half of the light.
+/// Returns the map of a dim sky with 1 % noise and, if `lit`, a lamp with half of the light.
 fn lamp(grid: Grid, rng: &mut Pcg64Mcg, lit: bool) -> Texels {
     energies(grid, |row, column| {
         let is_lamp = lit && (40..46).contains(&row) && (100..110).contains(&column);
@@ -378,7 +378,7 @@ fn kalman_smooths_noise_as_well_as_the_fir() {
 
 #[test]
 fn fir_lights_sum_to_the_filtered_energy() {
-    // A sky that brightens from 1 to 3; the expected factor is the sum of the newest coefficients.
+    // The sky brightens from radiance 1 to 3; the expected factor is the sum of the newest coefficients.
     let kernel = hemilux_core::sampler::hemigon::fir::Kernel::new(&Parameters::default());
     let mut sampler = published(&ODD, 16);
     let sky = |l: f32| energies(ODD, |_, _| [l; 3]);
@@ -397,7 +397,7 @@ fn fir_lights_sum_to_the_filtered_energy() {
 
 #[test]
 fn fir_side_lobes_do_not_move_lights_across_the_horizon() {
-    // A lamp that descends to the horizon and stops there, with a filter that overshoots.
+    // The lamp of this test descends to the horizon and stops there; the filter overshoots.
     let sharp = Parameters { taps: 15, cutoff_hz: 3.0, frame_rate_hz: 10.0 };
     let mut sampler = hemigon_fir(&POLAR, 8, &sharp);
     for t in 0..40usize {

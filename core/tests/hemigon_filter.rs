@@ -9,7 +9,7 @@ use hemilux_core::sampler::hemigon::fir::{self, Kernel};
 use hemilux_core::sampler::hemigon::follow::{Follow, PathPoint};
 use hemilux_core::sampler::hemigon::kalman::{Gated, Kalman, Parameters, PathFilter};
 
-/// Returns normally distributed noise of standard deviation 1.
+/// Returns `count` normally distributed numbers of standard deviation 1.
 fn noise(count: usize) -> Vec<f64> {
     let mut rng = seeded(71);
     let mut one = || -> f64 { (1.0 - rng.random::<f64>()).ln() };
@@ -24,7 +24,8 @@ type Filter<'a> = &'a dyn Fn(&[f64]) -> Vec<f64>;
 /// A name, a filter at a frame rate, and its expected figures at two rates.
 type Row = (&'static str, fn(f64, &[f64]) -> Vec<f64>, [[f64; 3]; 2]);
 
-/// Returns RMS on noise, number of frames to 90 % of a step of 20, and mean lag on a ramp of 2 per second: the columns of the table below.
+/// Returns the figures of a filter that are the columns of the table below: RMS on noise, number of frames to 90 % of a step of 20, and
+/// mean lag on a ramp of 2 per second.
 fn figures(filter: Filter<'_>, rate: f64) -> [f64; 3] {
     let still = filter(&noise(100_000));
     let jitter = (still[100..].iter().map(|x| x * x).sum::<f64>() / 99_900.0).sqrt();
@@ -43,7 +44,7 @@ fn figures(filter: Filter<'_>, rate: f64) -> [f64; 3] {
     [jitter, frames / 400.0, lag]
 }
 
-/// Returns the parameters of the table: variance 0.5 per second, gate 16.
+/// Returns the parameters of the filter in the table: variance 0.5 per second, gate 16.
 fn table(rate: f64, confirm: bool) -> Parameters {
     let alarm = if confirm { 5.0 } else { f32::INFINITY };
     Parameters { frame_rate_hz: rate as f32, drift_hz: 0.5, gate: 16.0, confirm, alarm }
@@ -84,7 +85,7 @@ fn kalman_twin(p: &Parameters, signal: &[f64]) -> Vec<f64> {
     out
 }
 
-/// Filters `signal`; the first frame fills the history.
+/// Filters `signal` with the finite impulse response; the first frame fills the history.
 fn fir(taps: usize, rate: f64, signal: &[f64]) -> Vec<f64> {
     let kernel = Kernel::new(&fir::Parameters { taps, cutoff_hz: 1.0, frame_rate_hz: rate });
     (0..signal.len())
@@ -94,7 +95,7 @@ fn fir(taps: usize, rate: f64, signal: &[f64]) -> Vec<f64> {
 
 #[test]
 fn filter_figures_match_the_recorded_ones() {
-    // Figures of a prototype in NumPy: jitter, frames to 90 %, ramp lag, at 6.7 and at 30 frames per second.
+    // The figures are those of a prototype in NumPy: jitter, frames to 90 %, ramp lag, at 6.7 and at 30 frames per second.
     let rows: [Row; 4] = [
         ("fir 7", |rate, s| fir(7, rate, s), [[0.52, 5.1, 0.88], [0.47, 5.7, 0.19]]),
         ("fir 15", |rate, s| fir(15, rate, s), [[0.49, 9.7, 2.08], [0.32, 11.6, 0.45]]),
@@ -190,7 +191,7 @@ fn non_finite_step_is_taken_whole() {
 
 #[test]
 fn oscillating_light_is_followed_and_noise_is_smoothed() {
-    // 35 degrees to either side in eight frames, as a lamp on a cord; then the lamp at rest with 1 degree of noise.
+    // The lamp moves 35 degrees to either side in eight frames, as on a cord; then it rests, with 1 degree of noise.
     let at = |a: f64| Vec3::new(a.sin() as f32, 0.3, a.cos() as f32).normalize();
     let seen = |a: f64| PathPoint { direction: at(a), colour: [1.0; 3] };
     let mut filter =

@@ -26,7 +26,7 @@ struct Twin {
 }
 
 impl Twin {
-    /// Creates a map of radiance `l(row, column)`.
+    /// Creates the inversion of a map of radiance `l(row, column)`.
     fn new(grid: Grid, mut l: impl FnMut(usize, usize) -> f32) -> Self {
         let energy = |i: usize, l: f32| [l * grid.solid_angle(i / grid.width) as f32; 3];
         let texels: Vec<_> = (0..grid.len()).map(|i| energy(i, l(i / grid.width, i % grid.width))).collect();
@@ -45,14 +45,14 @@ impl Twin {
     }
 }
 
-/// Returns a radiance with a log-uniform distribution over four decades.
+/// Returns a random radiance with a log-uniform distribution over four decades.
 fn rough(rng: &mut Pcg64Mcg) -> f32 {
     10f32.powf(rng.random_range(-2.0..2.0))
 }
 
 #[test]
 fn a_uniform_sky_gives_the_equal_area_concentric_map() {
-    // Shirley and Chiu 1997: the four triangles of the square, then z = 1 - r^2.
+    // The concentric map of Shirley and Chiu 1997: the four triangles of the square, then z = 1 - r^2.
     let concentric = |u: f64, v: f64| {
         let (a, b) = (2.0 * u - 1.0, 2.0 * v - 1.0);
         let (r, psi) = match (a > -b, a > b) {
@@ -130,7 +130,7 @@ fn both_ends_of_a_turn_map_to_one_meridian() {
 
 #[test]
 fn map_is_injective_and_monotone() {
-    // Inverted: along a circle of the square, points turn strictly counter-clockwise; outwards, z decreases strictly.
+    // Along a circle of the square, the images turn strictly counter-clockwise; outwards, their z decreases strictly.
     let mut rng = seeded(64);
     let map = Twin::new(POLAR, |row, column| if (row + column) % 5 == 0 { 1000.0 } else { 0.001 });
     for _ in 0..200 {

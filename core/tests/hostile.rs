@@ -19,7 +19,7 @@ use hemilux_core::sampler::q2tree::{Parameters, Placement};
 use hemilux_core::sampler::{Map, Request, Sampler};
 use std::collections::HashSet;
 
-/// Returns a random number over the range of f32, often a boundary value.
+/// Returns a random number over the range of f32, often a boundary value of the type.
 fn number(rng: &mut Pcg64Mcg) -> f32 {
     const HARD: [f32; 12] = [
         0.0,
@@ -46,7 +46,7 @@ fn rgb(rng: &mut Pcg64Mcg) -> [f32; 3] {
     [(); 3].map(|()| number(rng))
 }
 
-/// Returns a pyramid whose quads have arbitrary sums, or sums of single lights, in a few texels or in all.
+/// Returns a pyramid whose quads have arbitrary numbers, or the sums of single lights, in a few texels or in all.
 fn pyramid(rng: &mut Pcg64Mcg, domain: Domain, order: u8) -> Pyramid<Vec<Quad>> {
     let mut map = dark(domain, order);
     let density = rng.random_range(0.0..1.2);
@@ -183,7 +183,7 @@ fn lights_of_every_sampler_are_finite_and_positive_on_random_bits() {
     }
 }
 
-/// A share of a subnormal sum is rounded to a multiple of the smallest number, up to the sum itself.
+/// In this test, the fraction of a subnormal sum is rounded to a multiple of the smallest number, up to the sum itself.
 #[test]
 fn pharr_finds_the_only_texel_of_subnormal_light() {
     let grid = Grid { width: 8, height: 4, domain: Domain::Sphere };

@@ -10,7 +10,8 @@ use hemilux_core::lens::{Intrinsics, Lens, LensError, Model};
 /// Coefficients of a 190-degree clip-on lens for phones, as OpenCV's fisheye calibration reports them.
 const KANNALA_BRANDT: Model = Model::KannalaBrandt([-0.012, 0.006, -0.004, 0.000_6]);
 
-/// Returns every model with its widest field of view: equation 4.1 increases up to 90 degrees only without negative coefficients.
+/// Returns every lens model with its widest field of view, degrees off axis: the model of equation 4.1 increases up to 90 degrees only
+/// without negative coefficients.
 fn models() -> [(Model, f64); 6] {
     [
         (Model::Equidistant, 93.0),
@@ -29,7 +30,7 @@ fn awkward(model: Model, max_deg: f64) -> Lens {
     Lens::try_new(p).expect("a sound lens")
 }
 
-/// Returns r(theta), from the formulas of `board/FORMATS.md`.
+/// Returns r(theta) of `model`, from the formulas of `board/FORMATS.md`.
 fn law(model: &Model, theta: f64) -> f64 {
     match *model {
         Model::Equidistant => theta,
@@ -109,7 +110,7 @@ fn solid_angle_matches_finite_differences() {
         let lens = awkward(model, max_deg);
         let mut rng = seeded(2);
         for i in 0..2000 {
-            // The axis first, then random angles up to near the antipode.
+            // The test uses the axis first, then random angles up to near the antipode.
             let theta =
                 if i == 0 { 0.0 } else { max_deg.to_radians().min(3.0) * 0.999 * rng.random::<f64>() };
             let p = lens.project(unit(theta, rng.random_range(-PI..PI))).expect("inside the view");
@@ -166,7 +167,7 @@ fn field_of_view_beyond_the_monotone_range_is_refused() {
         let limit = refused(Model::Radial([0.0, 0.0]), max_deg);
         assert!((89.0..=90.0).contains(&limit), "{limit}");
     }
-    // d/dx (x - 0.3 x^3) = 0 at x = 1/sqrt(0.9): 46.508 degrees.
+    // d/dx (x - 0.3 x^3) = 0 at x = 1/sqrt(0.9), which is the tangent of 46.508 degrees.
     let limit = refused(Model::Radial([-0.3, 0.0]), 60.0);
     assert!((46.3..46.51).contains(&limit), "{limit}");
     assert!(Lens::try_new(plain(Model::Radial([-0.3, 0.0]), [0.0; 2], 100.0, limit)).is_ok());

@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 const ORDER: u8 = 4;
 const LAMP: usize = 700;
 
-/// Energy of each steady texel, and of the lamp's texel, which is among them.
+/// Energy of each steady texel, and mean energy of the lamp's texel, which is among them.
 const STEADY: f32 = 0.01;
 const FULL: f64 = 4.0;
 
@@ -97,7 +97,7 @@ fn steady_light_and_lamps_of_other_frequencies_are_not_changed() {
     }
 }
 
-/// Three frames at 30 Hz always record 100 Hz at one phase, which is indistinguishable from steady light.
+/// Three frames per burst at 30 Hz always record 100 Hz at one phase, which is indistinguishable from steady light.
 #[test]
 fn bursts_at_equal_phases_give_no_frequency() {
     let mut sequence = Sequence::new(Lamps::Mains50);

@@ -39,7 +39,7 @@ impl Sensor {
         (f64::from(z) - self.black) / (self.white - self.black)
     }
 
-    /// Returns y(x), from `board/FORMATS.md` and IEC 61966-2-1.
+    /// Returns the relative exposure y(x) of code `z`, from `board/FORMATS.md` and IEC 61966-2-1.
     fn exposure(&self, channel: usize, z: u32) -> f64 {
         let x = self.code(z).min(1.0);
         match &self.response {
@@ -62,7 +62,7 @@ impl Sensor {
         if nearer { high } else { low }
     }
 
-    /// Returns the radiance of one channel in relative exposure per second and gain 1, and whether it is clipped.
+    /// Returns the radiance of one channel of a pixel, in relative exposure per second at gain 1, and whether the channel is clipped.
     fn merge(&self, channel: usize, codes: &[u32], exposures: &[Exposure]) -> (f64, bool) {
         let linear = self.response == Response::Linear;
         let (mut sum, mut time, mut fallback) = (0.0, 0.0, None);
@@ -204,7 +204,7 @@ fn merge_matches_the_f64_twin_over_seven_decades() {
 fn bursts_of_up_to_four_exposures_merge_to_integers() {
     let exposures = times(&[0.000_926, 0.005_555, 0.033_333]);
     for sensor in sensors().iter().take(4) {
-        // Seven decades except the clipped range.
+        // The radiances span seven decades without the clipped range.
         let pixels: Vec<_> = decades(sensor, &exposures, 3000)
             .into_iter()
             .filter(|p| (0..3).all(|c| !sensor.merge(c, &p[c], &exposures).1))
@@ -393,7 +393,8 @@ fn all_merge_loops_follow_the_same_rules() {
         let merge = sensor.product(&exposures);
         let view = merge.view();
         for len in [1, 2, 21, 22, 64, 100, 128] {
-            // Runs of equal codes, so that whole blocks saturate or do not, and some codes that do not occur in a still scene.
+            // The codes contain runs of equal codes, so that whole blocks saturate or do not, and some codes that do not occur in a still
+            // scene.
             let top = sensor.white as u32;
             let level: [u32; 3] = [(); 3].map(|()| rng.random_range(0..3));
             let code = |level: u32, rng: &mut common::Pcg64Mcg| match level {

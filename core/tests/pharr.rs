@@ -63,7 +63,7 @@ fn halton_points_are_radical_inverses() {
     }
 }
 
-/// Returns Pearson's statistic over bins of at least 20 expected lights, and the number of bins.
+/// Returns Pearson's statistic of the lights over bins of at least 20 expected lights, and the number of bins.
 fn chi_square(grid: Grid, texels: &[[f32; 3]], lights: &[Light]) -> (f64, usize) {
     let total: f64 = texels.iter().map(|t| f64::from(luminance(*t))).sum();
     let mut found = vec![0.0; grid.len()];

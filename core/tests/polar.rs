@@ -65,7 +65,7 @@ fn uniform_sky_stays_uniform() {
         let omega = healpix::solid_angle(order);
         let map = lit(grid.domain, order, |i| grey((omega * grid.domain.share(order, i)) as f32));
         let polar = polar(&map, grid, &polar_plan(&grid, order));
-        // Mean over the sphere, since single texels beside the zenith are smaller than the sub-samples.
+        // The mean is over the sphere, since single texels beside the zenith are smaller than the sub-samples.
         let texels = polar.view().texels.iter().enumerate();
         let off = |(i, t): (usize, &[f32; 3])| (f64::from(t[0]) - grid.solid_angle(i / grid.width)).abs();
         let mean = texels.map(off).sum::<f64>() / grid.domain.solid_angle();
@@ -99,7 +99,7 @@ fn lamp_is_resampled_to_the_texel_of_its_direction() {
                 mean += f64::from(texel[1]) * d;
             }
             let expected = healpix::centre(order, lamp);
-            // Tolerance of half a texel of the coarser grid, and no systematic shift.
+            // The tolerance is half a texel of the coarser grid; there is no systematic shift.
             let half = 0.5 * (TAU / grid.width as f64 * expected.z.acos().sin() + grid.theta(1)) + 0.002;
             assert!(mean.normalize().distance(expected) < half, "{grid:?} {lamp}: {mean} {expected}");
         }

@@ -122,7 +122,7 @@ fn hemisphere_map_clears_light_below_the_horizon() {
 
 #[test]
 fn a_pyramid_one_quad_short_is_refused() {
-    // 8 (1 + 4 + 16) and 12 (1 + 4 + 16).
+    // The lengths are 8 (1 + 4 + 16) for the hemisphere and 12 (1 + 4 + 16) for the sphere.
     assert_eq!(pyramid_len(Domain::Hemisphere, Order::saturating(2)), 168);
     assert_eq!(pyramid_len(Domain::Sphere, Order::saturating(2)), 252);
     assert!(Pyramid::try_new(vec![Quad::default(); 252], Domain::Sphere, Order::saturating(2)).is_ok());
@@ -153,7 +153,7 @@ fn single_lamp_does_not_raise_the_extrapolated_radiance() {
     let pixel_table = pixel_table(&narrow(), 640, 480, 5);
     let mut frame = vec![20u16; 3 * 640 * 480];
     let (mut dim, _) = expose(&pixel_table, &frame);
-    // A disc of 5 degrees radius, three thousand times as bright as the rest: 70 % of the plain mean.
+    // The frame has a disc of 5 degrees radius, three thousand times as bright as the rest: 70 % of the plain mean.
     for (i, rgb) in frame.as_chunks_mut::<3>().0.iter_mut().enumerate() {
         let at = DVec2::new((i % 640) as f64, (i / 640) as f64);
         if at.distance(DVec2::new(380.0, 200.0)) < 17.0 {

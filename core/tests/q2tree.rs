@@ -40,14 +40,14 @@ fn hemisphere_gives_the_request_or_one_light_less() {
     let mut tree = tree(Parameters::CENTROID, Domain::Hemisphere, 6, 2000);
     for request in 8..=2000 {
         let count = update(&mut tree, &map, request).len();
-        // The number is 8 + 3 a + 2 b, which is never 9.
+        // The number of lights is 8 + 3 a + 2 b, which is never 9.
         assert!(count == request || count + 1 == request, "{request}: {count}");
     }
 }
 
 #[test]
 fn dark_quads_give_no_lights() {
-    // Only face 0 is lit: 1 + 3 a lights.
+    // Only face 0 of the map is lit: 1 + 3 a lights.
     let map = lit(Domain::Hemisphere, 4, |i| grey(f32::from(i < 256)));
     let mut tree = tree(Parameters::CENTROID, Domain::Hemisphere, 4, 100);
     for (request, count) in [(8, 7), (10, 10), (11, 10), (13, 13), (14, 13), (100, 100)] {

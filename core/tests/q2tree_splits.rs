@@ -11,7 +11,7 @@ use hemilux_core::sampler::q2tree::Parameters;
 use hemilux_core::sampler::{Map, Request, Sampler};
 use std::collections::BTreeSet;
 
-/// Order and index of a quad.
+/// Order and index of a HEALPix quad.
 type Place = (u8, u32);
 const ORDER: u8 = 4;
 
@@ -40,7 +40,7 @@ fn update(tree: &mut VecQ2Tree, map: &Pyramid<Vec<Quad>>, lights: usize) -> BTre
     interior(tree.update(&map, &Request::of_lights(lights)).lights)
 }
 
-/// Returns L^a dOmega^b in `f64`.
+/// Returns the importance of a quad, L^a dOmega^b, in `f64`.
 fn importance(p: &Parameters, map: &Pyramid<Vec<Quad>>, (order, ipix): Place) -> f64 {
     let share = map.view().domain().share(order, ipix);
     let omega = healpix::solid_angle(order) * share;
@@ -57,7 +57,7 @@ fn parameters() -> [Parameters; 4] {
     ]
 }
 
-/// Returns all quads that can be split, greatest importance first.
+/// Returns all quads that can be split, those of greatest importance first.
 fn ranked(map: &Pyramid<Vec<Quad>>, value: impl Fn(Place) -> f64) -> Vec<Place> {
     let domain = map.view().domain();
     let mut all: Vec<Place> = (0..ORDER)
@@ -107,8 +107,8 @@ fn hemisphere_is_split_best_first_and_splits_that_exceed_the_request_are_skipped
     }
 }
 
-/// Replaces the least important split by the most important leaf while the leaf is more important; splits of the last frame count 1 + threshold
-/// times.
+/// Replaces the least important split by the most important leaf while the leaf is more important; the importance of splits of the last frame
+/// counts 1 + threshold times.
 fn merge_and_split(
     map: &Pyramid<Vec<Quad>>,
     p: &Parameters,

@@ -17,7 +17,7 @@ fn curve(
     Curve::try_new(response, depth, Levels { black, white }, vec![0; curve_len(depth)])
 }
 
-/// Returns the transfer function of IEC 61966-2-1.
+/// Returns the relative exposure of relative code `x` by the transfer function of IEC 61966-2-1.
 fn srgb(x: f64) -> f64 {
     if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }
@@ -70,11 +70,11 @@ fn every_code_is_within_its_documented_error() {
 #[test]
 fn saturation_and_trust_begin_at_the_documented_codes() {
     let srgb = curve(&Response::Srgb, Depth::U8, 0.0, 255.0).expect("sound");
-    // 0.98 x 255 = 249.9 and 16/255 x 255 = 16.
+    // With white 255, the limits are the codes 0.98 x 255 = 249.9 and 16/255 x 255 = 16.
     assert!(!srgb.is_saturated(249) && srgb.is_saturated(250));
     assert!(!srgb.is_trusted(15) && srgb.is_trusted(16));
     let linear = curve(&Response::Linear, Depth::U16, 256.0, 4095.0).expect("sound");
-    // 256 + 0.98 x 3839 = 4018.22.
+    // With black 256 and white 4095, saturation begins at 256 + 0.98 x 3839 = 4018.22.
     assert!(!linear.is_saturated(4018) && linear.is_saturated(4019) && linear.is_trusted(0));
 }
 

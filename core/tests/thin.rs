@@ -51,7 +51,7 @@ fn merged_light_is_at_the_centroid_and_keeps_the_brighter_id() {
     assert_eq!((n, lights[0].id, lights[1].id), (2, 7, 9));
     assert!(lights[0].direction.distance(expected) < 1e-6, "{:?}", lights[0]);
     assert_eq!(lights[0].irradiance, [4.0; 3]);
-    // The mean of two points has |m| in closed form; the cap with the same mean has R = (1 + cos a) / 2.
+    // The mean of two unit vectors has a length |m| in closed form; the cap with the same mean has R = (1 + cos a) / 2.
     let apart = 0.1f32.atan();
     let m = ((9.0 + 1.0 + 6.0 * apart.cos()) / 16.0f32).sqrt();
     let radius = (2.0 * m - 1.0).acos().to_degrees();

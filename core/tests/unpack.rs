@@ -3,7 +3,7 @@
 use hemilux_core::format::{Pattern, Yuv};
 use hemilux_core::{Format, Layout, Samples, read_luma, read_rgb_row};
 
-/// Image width: more than two chunks of mosaic cells, and not a multiple of a chunk.
+/// Width of the image, pixels: more than two chunks of mosaic cells, and not a multiple of a chunk.
 const WIDTH: u32 = 2 * 2 * 192 + 36;
 
 fn rows(layout: &Layout, frame: Samples<'_>) -> Vec<Vec<[u16; 3]>> {
@@ -15,7 +15,7 @@ fn rows(layout: &Layout, frame: Samples<'_>) -> Vec<Vec<[u16; 3]>> {
     (0..layout.height()).map(row).collect()
 }
 
-/// Returns a code of ten bits for each pixel.
+/// Returns the code of ten bits of the pixel in column `x` and row `y`.
 fn code(x: u32, y: u32) -> u16 {
     ((x * 7 + y * 311) % 1024) as u16
 }
@@ -35,7 +35,7 @@ fn packed_mosaic_rows_are_correct_across_chunk_boundaries() {
     for (y, row) in (0..).zip(rows(&layout, Samples::U8(&bytes))) {
         for (x, pixel) in (0..).zip(row) {
             let (left, top) = (x & !1, y & !1);
-            // Green, blue; red, green.
+            // The cell has the colours green, blue; red, green.
             assert_eq!(pixel, [code(left, top + 1), code(left, top), code(left + 1, top)], "{x}, {y}");
             let luma = f32::from(code(x, y)) / 1023.0;
             assert_eq!(read_luma(&layout, Samples::U8(&bytes), x, y), luma, "{x}, {y}");

@@ -71,7 +71,7 @@ fn triple(value: &Value) -> [f32; 3] {
     core::array::from_fn(|i| numbers[i].to_string().parse().expect("a number"))
 }
 
-/// The members that `board/FORMATS.md` lists.
+/// The members of a JSON light set that `board/FORMATS.md` lists.
 const KEYS: &str = "version run frame timestamp_ns wall_ms valid stale sampler requested unit coordinates lights scalar_flux \
                     horizontal_irradiance clipped unseen estimated_error latency_us overrun";
 

@@ -1,1 +1,1 @@
-//! An empty library: the tests of several crates are in `tests/`.
+//! An empty library: the tests that need several crates are in `tests/`.

@@ -5,7 +5,7 @@ use hemilux::export::{ExportError, Form, encode};
 use hemilux_core::light::{Light, Sh9};
 use hemilux_core::wire::{Coordinates, LightSet, Stale, Unit};
 
-/// Direction towards a light in the axes of the file, and its perpendicular irradiance.
+/// A light that was read from a file: direction towards the light in the axes of the file, and perpendicular irradiance.
 #[derive(Debug)]
 struct Read {
     direction: [f64; 3],
@@ -261,7 +261,7 @@ fn axes_that_a_program_does_not_have_are_refused_by_name() {
 fn comments_name_unit_stale_source_and_ambient_energy_left_out() {
     let lights = lights();
     let mut sh = Sh9::default();
-    // A constant radiance of 1 has the coefficient 2 sqrt(pi) and the flux 4 pi.
+    // A constant radiance of 1 has the harmonic coefficient 2 sqrt(pi) and the flux 4 pi.
     sh[0] = [3.544_907_7; 3];
     let reason = "unplugged -- \"see\nbelow\" ---> \u{ffff}";
     for form in FORMS {

@@ -137,7 +137,7 @@ fn a_shadow_is_visible_without_a_gpu() {
     run("gathered", || Bench::still(EVERY));
 }
 
-/// Prints figures; asserts nothing about them.
+/// The test prints figures and asserts nothing about them.
 #[test]
 fn the_first_picture_and_the_scene_are_timed() {
     run("speed", open);

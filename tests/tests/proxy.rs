@@ -194,7 +194,7 @@ fn check_origins(proxy: &Proxy, name: &str) {
     assert!(picture.contains(" 200"), "{name}: a picture of its page: {picture}");
 }
 
-/// Opens an event stream through the proxy from `from`.
+/// Opens an event stream through the proxy from the client address `from`.
 fn stream(proxy: &Proxy, from: [u8; 4]) -> TcpStream {
     let address = SocketAddr::from((Ipv4Addr::LOCALHOST, proxy.http));
     let mut stream = connect_from(from, address).expect("a connection");
@@ -209,7 +209,7 @@ fn stream(proxy: &Proxy, from: [u8; 4]) -> TcpStream {
     stream
 }
 
-/// Returns whether the stream continues for 600 ms.
+/// Returns whether the event stream continues for 600 ms.
 fn goes_on(mut stream: &TcpStream) -> bool {
     let mut bytes = [0; 1 << 16];
     let began = Instant::now();

@@ -12,7 +12,7 @@ use std::process::{Command, Stdio};
 use std::thread::{JoinHandle, sleep, spawn};
 use std::time::{Duration, Instant};
 
-/// Time until a request is waiting. If the machine is slower, the test is weaker but does not fail.
+/// Time after which a request is taken to be waiting. If the machine is slower, the test is weaker but does not fail.
 const SETTLED: Duration = Duration::from_millis(150);
 
 #[test]

@@ -75,7 +75,7 @@ fn close_code(socket: &mut tungstenite::WebSocket<impl Read + Write>) -> Option<
     }
 }
 
-/// See RFC 6455, sections 5.5.1 and 7.4.1.
+/// The codes are those of RFC 6455, sections 5.5.1 and 7.4.1.
 #[test]
 fn websockets_end_with_the_codes_of_the_standard() {
     let bench = running();

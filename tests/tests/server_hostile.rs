@@ -1,4 +1,4 @@
-//! Hostile and broken clients: a well-behaved client beside them sees no change.
+//! Hostile and broken clients: a well-behaved client that is connected at the same time sees no change.
 
 mod bench;
 
@@ -42,7 +42,7 @@ fn well_behaved(address: SocketAddr, long: Duration) -> (u64, Duration) {
     (frames, longest)
 }
 
-/// 64 clients request large answers and read none of them, and 64 clients send a request one byte at a time.
+/// In this test, 64 clients request large answers and read none of them, and 64 clients send a request one byte at a time.
 #[test]
 fn stalled_readers_and_slow_writers_delay_no_other_client() {
     let limits = Limits { head: Duration::from_secs(2), stall: Duration::from_secs(2), ..Limits::default() };
@@ -69,7 +69,7 @@ fn stalled_readers_and_slow_writers_delay_no_other_client() {
     drop(stalled);
 }
 
-/// Sends a head one byte at a time; returns whether the server closed the connection.
+/// Sends the head of a request one byte at a time; returns whether the server closed the connection.
 fn dribble(address: SocketAddr, from: [u8; 4]) -> bool {
     let Ok(mut stream) = connect_from(from, address) else { return false };
     let _ = stream.set_read_timeout(Some(Duration::from_millis(1)));
@@ -222,7 +222,7 @@ fn mangled(random: &mut Random, corpus: &[Vec<u8>]) -> Vec<u8> {
 fn mangled_requests_are_refused_or_answered_and_delay_no_other_client() {
     let seconds =
         std::env::var("HEMILUX_FUZZ_SECONDS").ok().map_or(SHORT, |n| n.parse().expect("a number of seconds"));
-    // Longest time for which the well-behaved client may be denied a processor.
+    // The timeout is the longest time for which the well-behaved client may be denied a processor.
     let limits = Limits { head: Duration::from_secs(2), ..Limits::default() };
     let bench = Bench::running(Duration::from_millis(10), limits, Options::default());
     let address = bench.address();

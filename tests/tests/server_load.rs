@@ -21,7 +21,7 @@ const SHORT: u64 = 20_000;
 /// Least number of requests of two constant clients alone, at the rate of the frames.
 const ALONE: u64 = 400;
 const GUESTS: u8 = 200;
-/// Permitted growth of memory, bytes: buffers of two hundred more connections, on both sides of the socket.
+/// Largest permitted growth of the server's memory, bytes: buffers of two hundred more connections, on both sides of the socket.
 const GROWTH_BYTES: u64 = 48 << 20;
 
 /// Longest times between two requests of a transient client, ms: each for a third of the requests, so that the report contains delay
@@ -48,7 +48,7 @@ struct Run {
     left: AtomicU64,
     answered: AtomicU64,
     over: AtomicBool,
-    /// Microseconds from the finished set to its last byte read, of the constant clients and of the transient clients.
+    /// Times from the finished set to its last byte read, microseconds, of the constant clients and of the transient clients.
     constant_us: Mutex<Vec<u32>>,
     guests_us: Mutex<Vec<u32>>,
 }
@@ -57,7 +57,7 @@ struct Run {
 struct Received {
     frame: u64,
     lights: usize,
-    /// End of the burst and time to the finished set, if the form has them.
+    /// End of the burst plus the time to the finished set, nanoseconds, if the form has both.
     ready_ns: Option<u64>,
 }
 

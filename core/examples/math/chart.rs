@@ -1,18 +1,18 @@
-//! Formats the results as a table and as a chart.
+//! Formats the comparison of implementations as a table and as a chart.
 
 use super::ways::{Function, WAYS};
 use std::fmt::Write;
 
-/// The results of one function.
+/// The figures of one function in all implementations.
 pub struct Row {
     pub function: &'static Function,
-    /// Largest error of each implementation, in the order of [`WAYS`].
+    /// Largest error of each implementation of the function, in the order of [`WAYS`].
     pub errors: [f64; WAYS.len()],
-    /// Instructions per call on ARMv7 of each implementation; `None` where not counted.
+    /// Instructions per call on ARMv7 of each implementation; `None` where they were not counted.
     pub counts: [Option<f64>; WAYS.len()],
 }
 
-/// Formats the results as plain text.
+/// Formats the figures as plain text, one function per line.
 pub fn table(rows: &[Row]) -> String {
     let mut text = String::from("largest error / instructions of a call on ARMv7\n");
     let _ = write!(text, "{:<10}{:<28}{:<10}", "", "used for", "error is");
@@ -30,10 +30,10 @@ pub fn table(rows: &[Row]) -> String {
     text
 }
 
-/// Colours of Okabe and Ito.
+/// Colours of the implementations in the chart, from the palette of Okabe and Ito.
 const COLOURS: [&str; WAYS.len()] = ["#0072b2", "#d55e00", "#009e73", "#222222"];
 
-/// Left and right edges of the two panels, pixels; rows start at `TOP` and are `STEP` apart.
+/// Left and right edges of the two panels of the chart, pixels; rows start at `TOP` and are `STEP` apart.
 const PANELS: [[f64; 2]; 2] = [[110.0, 470.0], [530.0, 890.0]];
 const TOP: f64 = 90.0;
 const STEP: f64 = 34.0;
@@ -73,7 +73,7 @@ pub fn svg(rows: &[Row]) -> String {
             let _ = writeln!(s, "<path d=\"M{left} {y}H{right}\" stroke=\"#e0e0e0\"/>");
         }
         for (way, colour) in COLOURS.iter().enumerate() {
-            // Implementations are offset so that none hides another.
+            // The points of the implementations are offset so that none hides another.
             let y = y + 4.0 * (way as f64 - 1.5);
             let values = [Some(row.errors[way].max(1e-9)), row.counts[way].map(|n| n.max(1.0))];
             for (panel, v) in values.into_iter().enumerate() {

@@ -15,7 +15,7 @@ use std::path::Path;
 use std::process::ExitCode;
 use ways::{FUNCTIONS, Function, WAYS};
 
-/// Number of arguments used in rotation when calls are counted.
+/// Number of arguments that are used in rotation when calls are counted.
 const ARGUMENTS: usize = 1024;
 
 /// Number of arguments at which errors are measured.
@@ -96,7 +96,7 @@ fn report(out: &Path, counts: Option<&Path>) -> Result<(), String> {
     write("math.svg", &chart::svg(&rows))
 }
 
-/// Returns the largest error over the function's range.
+/// Returns the largest error of the implementation `f` over the function's range.
 fn worst(function: &Function, f: &dyn Fn(f32) -> f32) -> f64 {
     let error = |i: usize| {
         let x = function.argument(i, GRID);

@@ -1,4 +1,4 @@
-//! The functions under comparison, and their implementations.
+//! The functions that are compared, and their implementations.
 
 use micromath::F32Ext;
 use std::f64::consts::PI;
@@ -6,17 +6,17 @@ use std::f64::consts::PI;
 /// Names of the implementations.
 pub const WAYS: [&str; 4] = ["libm", "micromath", "table", "std"];
 
-/// Largest number of table entries: 4 KB.
+/// Largest number of entries of a function's table: 4 KB.
 const STEPS: usize = 1024;
 
 /// A function of one argument that the core calls, with its implementations.
 pub struct Function {
     pub name: &'static str,
-    /// Use of the function in the core.
+    /// Use of the function in the core, for the report.
     pub used: &'static str,
-    /// Range of the arguments; a range above 0 is sampled evenly per octave.
+    /// Range of the arguments; if it is above 0, its arguments are spaced evenly within each octave.
     pub range: [f64; 2],
-    /// Whether the error is relative.
+    /// Whether the error of the function is relative.
     pub relative: bool,
     pub exact: fn(f64) -> f64,
     pub libm: fn(f32) -> f32,
@@ -128,14 +128,14 @@ pub const FUNCTIONS: [Function; 10] = [
 ];
 
 impl Function {
-    /// Returns argument `i` of `n`, ascending over the range.
+    /// Returns argument `i` of `n` arguments, ascending over the function's range.
     pub fn argument(&self, i: usize, n: usize) -> f32 {
         let [low, high] = self.range;
         let part = (i as f64 + 0.5) / n as f64;
         (if low > 0.0 { low * (high / low).powf(part) } else { low + part * (high - low) }) as f32
     }
 
-    /// Returns the table of the function.
+    /// Returns the table with which the implementation `table` computes the function.
     pub fn table(&self) -> Table {
         let [low, high] = self.range.map(|v| v as f32);
         if low > 0.0 {
@@ -160,9 +160,9 @@ pub struct Table {
 }
 
 enum Shape {
-    /// Equal steps over the range.
+    /// The entries are at equal steps over the range of the arguments.
     Even { low: f32, per_step: f32 },
-    /// Equal steps within each octave: the bits of a float are nearly proportional to its logarithm.
+    /// The entries are at equal steps within each octave: the bits of a float are nearly proportional to its logarithm.
     Octaves { base: u32, shift: u32 },
 }
 

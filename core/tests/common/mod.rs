@@ -141,7 +141,7 @@ pub fn full_circle(model: Model, side: u32, max_deg: f64) -> Lens {
     Lens::try_new(plain(model, [middle; 2], focal, max_deg)).expect("a sound lens")
 }
 
-/// Creates a pixel table in buffers of exactly the required lengths.
+/// Creates a pixel table for hemisphere maps of `order`, in buffers of exactly the required lengths.
 pub fn pixel_table(lens: &Lens, width: u32, height: u32, order: u8) -> VecPixelTable {
     let size = pixel_table_size(lens, ImageSize { width, height }, order).expect("a sound image");
     let buffers = Buffers {
@@ -176,7 +176,7 @@ pub fn lit(domain: Domain, order: u8, mut energy: impl FnMut(u32) -> [f32; 3]) -
     map
 }
 
-/// Returns a direction inside the part of a quad that lies in the domain.
+/// Returns a direction inside the part of quad `ipix` that lies in the domain.
 pub fn above(domain: Domain, order: u8, ipix: u32) -> Vec3 {
     let at = if domain.share(order, ipix) == 0.5 { 2.0 / 3.0 } else { 0.5 };
     healpix::point(order, ipix, at, at).as_vec3()
@@ -204,7 +204,7 @@ pub fn one_exposure() -> VecMerge {
     merge(curve.expect("sound"), &[exposure])
 }
 
-/// Creates a merge of scale 1 in buffers of exactly the required lengths.
+/// Creates a merge of radiance scale 1 in buffers of exactly the required lengths.
 pub fn merge(curve: Curve<Vec<i32>>, exposures: &[Exposure]) -> VecMerge {
     let size = merge_size(&curve, exposures).expect("sound exposures");
     let reciprocals = vec![Reciprocal::default(); size.reciprocals];
@@ -235,7 +235,7 @@ pub fn burst(
     internals::burst(frames, &layout, &one_exposure().view(), &pixel_table.view(), balance, map)
 }
 
-/// Merges whole pixels, in integers where the merge has an integer loop, otherwise in floats. Returns the number of samples that were merged
+/// Merges whole pixels: in integers where the merge has an integer loop, otherwise in floats. Returns the number of samples that were merged
 /// in integers.
 pub fn merged(view: &MergeView<'_>, codes: &[Codes<'_>], channels: Channels, out: &mut [f32]) -> usize {
     let many = channels.many();

@@ -7,13 +7,13 @@ use static_cell::ConstStaticCell;
 
 use crate::scene::EXPOSURES;
 
-/// Number of columns, and of rows, of an image.
+/// Number of columns, and of rows, of an image of the scene.
 pub const SIDE: u32 = 96;
 
-/// Order of the map: 1,024 texels above the horizon, 3.7 degrees wide.
+/// HEALPix order of the map: 1,024 texels above the horizon, 3.7 degrees wide.
 pub const ORDER: u8 = 4;
 
-/// Largest number of lights.
+/// Largest number of lights of the sampler.
 pub const LIGHTS: usize = 256;
 
 /// Number of 64-bit words of the front end, as `Sizes` computes it for the scene's camera.

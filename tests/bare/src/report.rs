@@ -8,13 +8,13 @@ use hemilux_core::{BadOrder, FrontError, LayoutError, LensError, Light, Sizes, T
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(target_os = "none", derive(defmt::Format))]
 pub enum Wrong {
-    /// An error of the camera, the front end or the frames.
+    /// The camera, the front end or the frames caused an error.
     Front(FrontError),
-    /// A buffer that is too short.
+    /// A buffer is too short.
     Memory(TooSmall),
-    /// An error of the writer.
+    /// The writer returned an error.
     Output,
-    /// A failed check: the checked quantity, its value and its largest permitted value.
+    /// A check failed: the checked quantity, its value and its largest permitted value.
     Check(&'static str, f32, f32),
 }
 
@@ -40,21 +40,21 @@ impl From<TooSmall> for Wrong {
 pub struct Report {
     /// Energy and hash of the rendered frames.
     pub taken: Taken,
-    /// Number of lights.
+    /// Number of lights of the frame.
     pub lights: usize,
     /// Sum of the irradiances of the lights, red, green and blue.
     pub energy: [f32; 3],
     /// Energy of the map, red, green and blue.
     pub map: [f32; 3],
-    /// Largest difference of a direction's length from 1.
+    /// Largest difference from 1 of the length of a light's direction.
     pub length: f32,
     /// Angle between the brightest light and the lamp, degrees.
     pub lamp_deg: f32,
-    /// Share of the hemisphere's solid angle in which the shortest exposure is clipped, 0..=1.
+    /// Fraction of the hemisphere's solid angle in which the shortest exposure is clipped, 0..=1.
     pub clipped: f32,
     /// Numbers of elements of the front end's buffers.
     pub sizes: Sizes,
-    /// Readings of the clock before the front end and after front end, pyramid, sampler and encoding.
+    /// Readings of the clock before the front end, and after front end, pyramid, sampler and encoding.
     pub ticks: [u32; 5],
 }
 

@@ -7,7 +7,7 @@ use hemilux_core::Exposure;
 use hemilux_core::color;
 use hemilux_core::lens::{Intrinsics, Lens, Model};
 
-/// Returns a fisheye lens whose image circle of 180 degrees has the diameter of the image.
+/// A fisheye lens whose image circle of 180 degrees has the diameter of the image.
 pub const LENS: Intrinsics = Intrinsics {
     model: Model::Equidistant,
     centre_px: DVec2::splat((SIDE as f64 - 1.0) / 2.0),
@@ -22,13 +22,13 @@ pub const BLACK: f64 = 8.0;
 /// Sensor code of full scale.
 pub const WHITE: f64 = 255.0;
 
-/// Radiance of full scale in the shortest exposure: 1.25 times the radiance of the lamp.
+/// Radiance of full scale in the shortest exposure of the burst: 1.25 times the radiance of the lamp.
 const FULL: f64 = 50.0;
 
 /// Exposures of a burst: 1, 8 and 64 ms.
 pub const EXPOSURES: [Exposure; 3] = [exposure(0.001), exposure(0.008), exposure(0.064)];
 
-/// Radiance of relative exposure 1 at one second.
+/// Radiance that gives relative exposure 1 in one second.
 pub const SCALE: f64 = FULL * EXPOSURES[0].seconds;
 
 const fn exposure(seconds: f64) -> Exposure {
@@ -51,7 +51,7 @@ const WINDOW_RGB: [f32; 3] = [3.0, 3.2, 3.5];
 const HORIZON: [f32; 3] = [0.30, 0.35, 0.45];
 const ZENITH: [f32; 3] = [0.15, 0.25, 0.55];
 
-/// Returns the radiance from `direction`.
+/// Returns the radiance of the scene from `direction`, red, green and blue.
 fn radiance(direction: DVec3) -> [f32; 3] {
     if direction.dot(LAMP.as_dvec3()) > LAMP_COS {
         return LAMP_RGB;
@@ -97,7 +97,7 @@ pub fn expose<const N: usize>(lens: &Lens, frames: &mut [[u8; N]]) -> Taken {
 struct Noise(u32);
 
 impl Noise {
-    /// Returns the code of a radiance, with noise of up to one code.
+    /// Returns the code of the sensor for `radiance` in an exposure of `seconds`, with noise of up to one code.
     fn code(&mut self, radiance: f32, seconds: f64) -> u8 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 17;

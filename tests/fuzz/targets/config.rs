@@ -1,4 +1,4 @@
-//! The configuration file: a file that is read can be applied, saved and read again.
+//! Fuzz target: a configuration file that is read without an error can be applied, saved and read again.
 
 #![no_main]
 

@@ -1,4 +1,5 @@
-//! All samplers on maps of arbitrary numbers, and a front end of an arbitrary calibration: what leaves the core is finite and not negative.
+//! Fuzz target: all samplers on maps of arbitrary numbers, and a front end of an arbitrary calibration; what leaves the core is finite and
+//! not negative.
 
 #![no_main]
 
@@ -15,7 +16,7 @@ use hemilux_core::{
 };
 use libfuzzer_sys::fuzz_target;
 
-/// Numbers from bytes; 0 behind their end.
+/// A source of numbers from bytes; 0 after the last byte.
 struct Numbers<'a>(&'a [u8]);
 
 impl Numbers<'_> {
@@ -58,7 +59,7 @@ fn check(set: &Decomposition<'_>, what: &str) {
     }
 }
 
-/// A pyramid in which one of every 1 to 16 texels is arbitrary and the others are dark.
+/// Returns a pyramid in which one of every 1 to 16 texels is arbitrary and the others are dark.
 fn pyramid(numbers: &mut Numbers<'_>, domain: Domain, order: Order) -> Pyramid<Vec<Quad>> {
     let mut map =
         Pyramid::try_new(vec![Quad::default(); pyramid_len(domain, order)], domain, order).expect("room");
@@ -83,7 +84,7 @@ fn sample(numbers: &mut Numbers<'_>) {
     let Ok(mut sampler) = make(kind, &shape, lights) else { return };
     let mut shares = vec![Share::default(); shares_len(&shape.grid, order)];
     let table = PolarTable::try_new(&shape.grid, order, &mut shares[..]).expect("room");
-    // Samplers keep some of the frames before.
+    // Some samplers keep state of the frames before.
     for frame in 0..3 {
         let tolerance = (numbers.below(3) == 0).then(|| numbers.single());
         let (ambient, soft) = (numbers.below(2) == 1, numbers.below(2) == 1);
@@ -100,7 +101,7 @@ fn sample(numbers: &mut Numbers<'_>) {
     }
 }
 
-/// A camera of arbitrary numbers, and one burst of arbitrary bytes.
+/// Processes one burst of arbitrary bytes with a camera of arbitrary numbers.
 fn front(numbers: &mut Numbers<'_>) -> Option<()> {
     let models = [
         Model::Equidistant,

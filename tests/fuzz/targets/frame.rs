@@ -1,4 +1,4 @@
-//! Frames of a burst: PNG, JPEG, PGM, PPM and PAM files, with EXIF data.
+//! Fuzz target: the frames of a burst in PNG, JPEG, PGM, PPM and PAM files, with EXIF data.
 
 #![no_main]
 

@@ -1,4 +1,4 @@
-//! Requests of arbitrary bytes to the server of a running probe, over TCP: no panic, and every answer is HTTP.
+//! Fuzz target: requests of arbitrary bytes to the server of a running probe, over TCP; there is no panic, and every answer is HTTP.
 
 #![no_main]
 
@@ -15,7 +15,7 @@ use std::time::Duration;
 /// Longest wait for more bytes of an answer. Event streams do not end.
 const PATIENCE: Duration = Duration::from_millis(40);
 
-/// Most bytes that are read of an answer.
+/// Largest number of bytes that are read of an answer.
 const MOST: u64 = 1 << 16;
 
 static SERVER: LazyLock<(Probe, Running)> = LazyLock::new(|| {

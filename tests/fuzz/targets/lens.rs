@@ -1,4 +1,4 @@
-//! Lens files of hemilux and of other programs.
+//! Fuzz target: lens files of hemilux and of other programs.
 
 #![no_main]
 

@@ -1,4 +1,4 @@
-//! OpenEXR, Radiance HDR and PFM maps, in every projection.
+//! Fuzz target: OpenEXR, Radiance HDR and PFM maps, in every projection.
 
 #![no_main]
 
@@ -15,7 +15,7 @@ const PROJECTIONS: [Option<Projection>; 5] = [
 ];
 
 fuzz_target!(|bytes: &[u8]| {
-    // The last byte selects the projection as which the file is read.
+    // The last byte selects the projection of the map.
     let Some((choice, file)) = bytes.split_last() else { return };
     let covers = [None, Some(Covers::Sphere), Some(Covers::Hemisphere)][usize::from(choice / 5 % 3)];
     let projection = PROJECTIONS[usize::from(choice % 5)];

@@ -1,11 +1,11 @@
-//! The graph of a media device with arbitrary answers of its driver, and the routes through the graph.
+//! Fuzz target: the graph of a media device with arbitrary answers of its driver, and the routes through the graph.
 
 #![no_main]
 
 use hemilux::v4l2::media::{Device, Graph, Topology, abi, route};
 use libfuzzer_sys::fuzz_target;
 
-/// Largest number of entries of each kind.
+/// Largest number of entities, interfaces, pads or links.
 const MOST: usize = 24;
 
 /// A source of numbers from bytes; 0 after the last byte.

@@ -1,4 +1,5 @@
-//! Photographs as `import` reads them: EXIF data, ICC profiles and PNG chunks that define the conversion of light to codes.
+//! Fuzz target: photographs as `import` reads them, with EXIF data, ICC profiles and PNG chunks that define the conversion of light to
+//! codes.
 
 #![no_main]
 

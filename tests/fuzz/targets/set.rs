@@ -1,4 +1,4 @@
-//! Light sets: the JSON form as `score` and `render` read it, and the binary form.
+//! Fuzz target: light sets in the JSON form, as `score` and `render` read it, and in the binary form.
 
 #![no_main]
 

@@ -12,10 +12,10 @@ use std::time::{Duration, Instant};
 
 const SIDE: usize = 480;
 
-/// Number of positions of the board.
+/// Number of positions at which the board is held.
 const PLACES: usize = 16;
 
-/// Number of samples per side of a square of the board.
+/// Number of samples per side of a square in the bitmap of the board.
 const FINE: f64 = 24.0;
 
 /// Returns the true lens of the camera, which is unknown to the probe.
@@ -37,7 +37,7 @@ pub struct BoardCamera {
 }
 
 impl BoardCamera {
-    /// Creates a camera with a picture at intervals of `every`; the board stays at each position for `hold`.
+    /// Creates a camera with a picture at intervals of `every`; the board is held at each position for `hold`.
     pub fn new(every: Duration, hold: Duration) -> Self {
         let middle = SIDE as f64 / 2.0 - 0.5;
         let lens =

@@ -19,7 +19,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::{JoinHandle, sleep, spawn};
 use std::time::{Duration, Instant};
 
-/// The token of [`with_token`].
+/// The token that the access rules of [`with_token`] require.
 pub const SECRET: &str = "correct-horse-battery";
 
 /// Returns the access rules with the token [`SECRET`].
@@ -63,7 +63,7 @@ impl Adapter for Scripted {
     }
 }
 
-/// Number of frames of the film with a moving lamp.
+/// Number of frames of [`Film`] with a moving lamp.
 const FRAMES: usize = 8;
 
 /// A source that repeats a few precomputed bursts at a fixed interval, at little cost.

@@ -16,7 +16,7 @@ const SIDE: usize = 480;
 /// Relative exposures of the frames of a burst.
 const STEPS: [f64; 5] = [0.03125, 0.125, 0.5, 2.0, 8.0];
 
-/// Number of positions of the screen, from the axis to 88 degrees.
+/// Number of positions of the lit screen, from the axis to 88 degrees.
 const PLACES: usize = 18;
 
 /// Returns the relative illumination of the camera with the screens at `theta`, the angle from the axis in radians.
@@ -43,7 +43,7 @@ fn lens() -> Lens {
     Lens::equidistant([middle; 2], 2.0 * middle / std::f64::consts::PI, FRAC_PI_2).expect("a lens")
 }
 
-/// Returns a picture of the relative light at each pixel, by a camera of relative code `code`.
+/// Returns a picture of the relative light at each pixel, taken with a relative exposure by a camera of relative code `code`.
 fn picture(light: &[f64], exposure: f64, code: impl Fn(f64) -> f64) -> Vec<u8> {
     let pixel = |(i, light): (usize, &f64)| {
         let noise = ((i * 7919) % 97) as f64 / 97.0 - 0.5;

@@ -4,7 +4,8 @@
 //! # use bevy_app::App;
 //! App::new().add_plugins(bevy_hemilux::HemiluxPlugin::new("http://127.0.0.1:8080")).run();
 //! ```
-//! In a program with the crate `bevy`, add the plugin to `DefaultPlugins`. [`Probe`] has the newest set and the state of the connection.
+//! In a program with the crate `bevy`, add the plugin to `DefaultPlugins`. [`Probe`] contains the newest set and the state of the
+//! connection.
 
 use bevy_app::{App, Plugin, PreUpdate};
 use bevy_color::LinearRgba;
@@ -24,7 +25,7 @@ use std::time::Instant;
 pub struct HemiluxPlugin {
     /// Address of the probe, `http://HOST:PORT`.
     pub address: String,
-    /// Largest number of lights.
+    /// Largest number of lights that are shown.
     pub lights: usize,
     /// Factor from the probe's unit of irradiance to lux.
     pub lux: f32,
@@ -40,7 +41,7 @@ impl HemiluxPlugin {
     }
 }
 
-/// The connection to the probe.
+/// The connection to the probe, as a resource of the app.
 #[derive(Resource)]
 pub struct Probe {
     client: Result<Client, ClientError>,
@@ -76,7 +77,7 @@ impl Plugin for HemiluxPlugin {
     }
 }
 
-/// Creates or updates an entity for each light of this time, and removes the entities of lights that have ended.
+/// Creates or updates an entity for each light at this time, and removes the entities of lights that have ended.
 fn follow(
     mut commands: Commands,
     mut probe: ResMut<Probe>,
@@ -104,7 +105,7 @@ fn follow(
     }
 }
 
-/// Returns a light that shines along its own -Z and whose illuminance times colour is the irradiance of `light` times `lux`.
+/// Returns a Bevy light that emits along its -Z axis and whose illuminance times colour is the irradiance of `light` times `lux`.
 fn bundle(light: &Light, lux: f32, shadows: bool) -> (Transform, DirectionalLight) {
     let [r, g, b] = light.irradiance;
     let top = r.max(g).max(b).max(f32::MIN_POSITIVE);
@@ -119,7 +120,7 @@ fn bundle(light: &Light, lux: f32, shadows: bool) -> (Transform, DirectionalLigh
     (Transform::default().looking_to(-towards, up), directional)
 }
 
-/// Returns the state of the connection, for a system that displays it.
+/// Returns the state of the connection to the probe, for a system that displays it.
 pub fn state(probe: Res<Probe>) -> State {
     probe.state()
 }

@@ -1,5 +1,5 @@
-//! The core alone: with the feature `strict` the image does not link if it contains a reachable panic. It can also be run, without a log:
-//! the exit status is 0 if the lights pass the checks.
+//! The core alone: with the feature `strict`, the image does not link if it contains a reachable panic. The image can also be run, without
+//! a log: the exit status is 0 if the lights pass the checks.
 #![no_std]
 #![no_main]
 

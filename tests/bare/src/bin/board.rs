@@ -64,7 +64,7 @@ fn run() -> Result<(), Wrong> {
     Ok(())
 }
 
-/// Least number of bytes of the stack that must stay unused.
+/// Least number of bytes of the stack that the program must leave unused.
 const SPARE: usize = 1024;
 
 /// A writer that collects bytes and sends them to the host in chunks.

@@ -3,7 +3,7 @@
 use core::arch::{asm, global_asm};
 use core::ops::Range;
 
-/// Name of the machine.
+/// Name of the processor in reports.
 pub const NAME: &str = "Cortex-A7";
 
 // Sets the stack pointer, clears the statics and calls main.

@@ -5,7 +5,7 @@ use core::ops::Range;
 use cortex_m as _;
 use cortex_m_rt as _;
 
-/// Name of the machine.
+/// Name of the processor in reports.
 pub const NAME: &str = "Cortex-M4F";
 
 unsafe extern "C" {

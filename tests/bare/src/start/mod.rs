@@ -12,7 +12,7 @@ pub use machine::{NAME, clock, instructions};
 
 use core::ops::Range;
 
-/// Bit pattern of unused stack words, unlikely in used ones.
+/// Bit pattern that marks unused words of the stack, unlikely in used ones.
 const PAINT: u32 = 0xc5a3_1e87;
 
 /// Number of bytes below the current stack pointer that are not painted: the stack frames of the painting functions.
