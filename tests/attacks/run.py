@@ -88,7 +88,7 @@ def request(path, extra=""):
 
 
 def answer(sock, rest=b""):
-    """Returns status, body, and the bytes after the answer."""
+    """Reads one answer; returns its status, its body, and the bytes after it."""
     data = bytearray(rest)
     while (end := data.find(b"\r\n\r\n")) < 0:
         receive(sock, data)
@@ -236,7 +236,7 @@ def hold(held, path, *address):
 
 
 def report_held(name, program, watched, result, held):
-    """Reports the results of the client that ran while the connections of a list were open."""
+    """Reports the results of the well-behaved client that ran while the connections of a list were open."""
     found = result.get(timeout=30)
     watched.join()
     report(name, program, found, f"{len(held)} opened")

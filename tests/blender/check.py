@@ -135,7 +135,7 @@ def still_life():
 
 
 def rendered(work, seed, samples=SAMPLES):
-    """Returns the picture in linear radiance, by way of a file."""
+    """Renders the scene and returns the picture in linear radiance, by way of a file."""
     scene = bpy.context.scene
     scene.cycles.samples, scene.cycles.seed = samples, seed
     scene.render.filepath = str(work / "picture.exr")

@@ -33,7 +33,7 @@ def check(truth, why):
 
 
 class Guest:
-    """QEMU with its console."""
+    """The guest: a QEMU process and its console."""
 
     def __init__(self):
         ports = []
@@ -91,7 +91,7 @@ class Guest:
         return urllib.request.urlopen(f"{self.files}/{name}", timeout=PATIENCE).read()
 
     def until(self, found, why):
-        """Repeats the request until it succeeds."""
+        """Calls `found` until it returns a true value, which is returned; gives up with `why` after the timeout."""
         end = time.time() + PATIENCE
         while not (it := found()):
             if time.time() > end:

@@ -30,7 +30,7 @@ def run(command, **more):
 
 
 def functions(sim, prefix):
-    """Returns start, end and name of each function, sorted."""
+    """Returns start address, end address and name of each function, sorted by address."""
     found = []
     for line in run([prefix + "-nm", "-CS", "--defined-only", sim]).splitlines():
         m = re.match(r"([0-9a-f]+) ([0-9a-f]+) [tTwW] (.*)", line)
@@ -41,7 +41,7 @@ def functions(sim, prefix):
 
 
 def listing(sim, work, prefix, triple, features):
-    """Returns the instructions by address."""
+    """Returns the program's instructions by address."""
     found, small = {}, os.path.join(work, "sim")
     run([prefix + "-strip", "-g", "-o", small, sim])
     for line in run(["llvm-objdump", "-d", "--no-show-raw-insn", f"--triple={triple}", f"--mattr={features}", small]).splitlines():
@@ -71,7 +71,7 @@ def text(listing, address, size):
         line = listing.get(address)
         if line is None or line.startswith((".", "<")):
             return None
-        # The target of a branch does not matter.
+        # The target of a branch has no effect on the number of cycles.
         lines.append(BRANCH.sub(r"\1nowhere", one_by_one(line)))
         address += 4
     return "\n".join(lines)

@@ -28,7 +28,7 @@ def check(holds, text):
 
 
 class Export:
-    """The light set of one map in every form."""
+    """The light set of one map, exported in every form."""
 
     def __init__(self, options, env, name):
         self.options, self.env, self.name = options, env, name

@@ -105,7 +105,7 @@ def compare(seen, reference):
 
 
 def pairs(seen):
-    """Returns, for each two consecutive sets, the positions of both sets' lights by id."""
+    """Returns, for each two consecutive light sets, the positions of both sets' lights by id."""
     sets = []
     for name, args in seen:
         if name == "/hemilux/set":

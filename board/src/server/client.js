@@ -8,19 +8,19 @@
 //
 // Runs in browsers and in Node.js 20 or later. A page of another site needs the probe to be started with --allow-origin.
 
-/** First pause before connecting again, ms; each further pause is twice as long, up to the longest one. */
+/** First pause before the client connects again, ms; each further pause is twice as long, up to the longest pause. */
 const FIRST_PAUSE = 250, LONGEST_PAUSE = 8000;
 
 /** Longest time without an event, ms: the probe repeats the last set at least every 1.5 s, so that a longer silence means a dead connection. */
 const SILENCE = 4000;
 
-/** Longest accepted event, characters. */
+/** Longest server-sent event that is accepted, characters. */
 const LONGEST_EVENT = 16 << 20;
 
 export class Hemilux extends EventTarget {
-  /** The newest set, in the form of `/v1/lights`, or null. */
+  /** The newest light set, in the form of `/v1/lights`; null before the first one. */
   latest = null;
-  /** "lost", "stale" or "live". */
+  /** State of the connection to the probe: "lost", "stale" or "live". */
   state = "lost";
   /** Reason why the state is not "live", one line. */
   reason = "no set yet";
@@ -44,7 +44,7 @@ export class Hemilux extends EventTarget {
     this.#connect();
   }
 
-  /** Ends the connection for good. */
+  /** Ends the connection to the probe; the client does not connect again. */
   close() {
     this.#closed = true;
     this.#drop();
@@ -93,7 +93,7 @@ export class Hemilux extends EventTarget {
     this.dispatchEvent(new CustomEvent("set", { detail: set }));
   }
 
-  /** Connects again after a pause that grows with each failure. */
+  /** Connects to the probe again after a pause, which is twice as long after each failure. */
   #again(reason) {
     this.#drop();
     this.#tell("lost", `${this.#url.origin}: ${reason}`);
@@ -130,7 +130,7 @@ function eventsOf(base) {
   return url;
 }
 
-/** Calls `take` with the data of each server-sent event of one line. */
+/** Calls `take` with the data of each server-sent event whose data is one line. */
 async function readEvents(body, take) {
   const reader = body.getReader(), decoder = new TextDecoder();
   let rest = "";

@@ -46,7 +46,7 @@ export function check(holds, what) {
   if (!holds) throw new Error(what);
 }
 
-/** Waits until `ask` returns a true value. */
+/** Waits until `ask` returns a true value, which is returned; after {@link PATIENCE}, fails with `what`. */
 export async function until(what, ask) {
   const end = Date.now() + PATIENCE;
   for (let last; ;) {

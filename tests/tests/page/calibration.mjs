@@ -8,7 +8,7 @@ const get = page => until("a state", async () => {
   return state.errors ? null : state;
 });
 
-/** Lens by a moving board, circle by mouse and keys, lux, undo, save; the test program checks the file. */
+/** Calibrates the lens by a moving board, the circle by mouse and keys, and lux; undoes, saves. The test program checks the file. */
 export async function calibrate(browser, url) {
   const { context, page, faults } = await open(browser, url, { reducedMotion: "reduce" });
   await state(page, "live");
@@ -51,7 +51,7 @@ async function circle(page) {
   await until("two steps back", async () => Math.abs((await get(page)).circle.centre[0] - found.centre[0]) < 0.01);
 }
 
-/** Pictures are taken automatically; the last is removed. */
+/** Checks that pictures of the board are taken automatically, and removes the last one. */
 async function lens(page) {
   await page.check("[name=cal-part][value=lens]", { force: true });
   await page.fill("#cal-board", "9by7");
@@ -73,7 +73,7 @@ async function lens(page) {
   check(lens.method === "board" && lens.rms_px < 0.3, JSON.stringify(lens));
 }
 
-/** Takes two readings and removes one. */
+/** Takes two photometric readings and removes one. */
 async function lux(page) {
   await page.check("[name=cal-part][value=photometric]", { force: true });
   const readings = async () => (await get(page)).photometric.length;
@@ -89,7 +89,7 @@ async function lux(page) {
   await until("one is taken back", async () => await readings() === 1);
 }
 
-/** Positions of the screen before the camera, from the axis to the rim. */
+/** Number of positions of the lit screen before the camera, from the axis to the rim. */
 const PLACES = 18;
 
 /** The viewport of a phone held upright. */
@@ -108,7 +108,7 @@ async function openOnPhone(browser, url, part) {
   return opened;
 }
 
-/** Saves by touch and closes. */
+/** Saves the calibration by touch and closes the page. */
 async function saveOnPhone({ context, page, faults }) {
   const found = await problems(page);
   check(found.length === 0, found.join("\n"));

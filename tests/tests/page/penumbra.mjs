@@ -36,7 +36,7 @@ async function studio() {
 function disc() {
   const length = Math.hypot(...CENTRE), [x, y, z] = CENTRE.map(v => v / length), s = Math.hypot(x, y), u = [-y / s, x / s, 0], v = [-z * x / s, -z * y / s, s];
   return Array.from({ length: POINTS }, (_, k) => {
-    // Equal areas of the cap.
+    // The points represent equal areas of the cap.
     const cos = 1 - (1 - Math.cos(RADIUS_DEG * Math.PI / 180)) * (k + 0.5) / POINTS, sin = Math.sqrt(1 - cos * cos), a = 2.399963 * k;
     return [x, y, z].map((c, i) => cos * c + sin * (Math.cos(a) * u[i] + Math.sin(a) * v[i]));
   });

@@ -4,7 +4,7 @@ import bpy
 
 from . import feed, suns, world
 
-# Seconds between two calls of `step`.
+# Time between two calls of `step`, seconds.
 INTERVAL = 0.04
 
 
@@ -22,7 +22,7 @@ class Session:
         return bpy.data.scenes.get(self.scene_name)
 
     def step(self):
-        """Shows the newest set. Returns True if there was a new one."""
+        """Shows the newest light set. Returns True if a new set has arrived."""
         found, scene = self.feed.take(), self.scene()
         if scene is None:
             self.feed.close()

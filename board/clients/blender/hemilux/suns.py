@@ -72,7 +72,7 @@ def show(collection, lights, exposure, soft=True):
 
 
 def shine(sun, light, exposure, soft):
-    """A sun's energy is the irradiance of a surface that faces it: of a disc's irradiance the part (1 + cos r) / 2. Without `soft` the sun is a point."""
+    """Sets a sun's energy, the irradiance of a surface that faces the sun: for a disc, its irradiance times (1 + cos r) / 2. Without `soft` the sun is a point."""
     radius = math.radians(light["radius_deg"]) if soft else 0.0
     top = max(light["irradiance"])
     data = sun.data

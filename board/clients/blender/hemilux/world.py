@@ -49,7 +49,7 @@ def build(tree):
 
 
 class Maths:
-    """Nodes that compute with sockets."""
+    """Creates the shader nodes of an expression; operands and results are sockets."""
 
     def __init__(self, tree):
         self.tree = tree

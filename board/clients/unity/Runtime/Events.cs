@@ -27,10 +27,10 @@ namespace Hemilux
             new Thread(Run) { IsBackground = true, Name = "hemilux" }.Start();
         }
 
-        /// <summary>State of the connection: "live", "stale: ..." or "lost: ...", one line.</summary>
+        /// <summary>State of the connection to the probe: "live", "stale: ..." or "lost: ...", one line.</summary>
         public string State { get { lock (guard) return state; } }
 
-        /// <summary>Returns the newest set once; null where there is no new one.</summary>
+        /// <summary>Returns the newest light set once; null where there is no new one.</summary>
         public LightSet Take()
         {
             lock (guard)

@@ -6,30 +6,30 @@ namespace Hemilux
     /// <summary>A directional light. Vectors have three elements.</summary>
     public sealed class ProbeLight
     {
-        /// <summary>Kept from set to set for as long as the light exists.</summary>
+        /// <summary>Number of the light, kept from set to set for as long as the light exists.</summary>
         public long Id;
         /// <summary>Unit vector from the probe towards the light.</summary>
         public float[] Direction;
         /// <summary>Perpendicular irradiance, linear red, green and blue.</summary>
         public float[] Irradiance;
-        /// <summary>Angular radius, degrees.</summary>
+        /// <summary>Angular radius of the light as a disc, degrees.</summary>
         public float RadiusDeg;
     }
 
     /// <summary>The lights of one frame.</summary>
     public sealed class LightSet
     {
-        /// <summary>Changes at every start of the probe; ids of different runs are unrelated.</summary>
+        /// <summary>Name of the run, which changes at every start of the probe; ids of different runs are unrelated.</summary>
         public string Run;
         public long Frame;
         /// <summary>Reason why there is no newer set; null for a new one.</summary>
         public string Stale;
         public string Coordinates;
         public ProbeLight[] Lights;
-        /// <summary>Spherical harmonics, nine rows of red, green and blue; null where they were not requested.</summary>
+        /// <summary>Ambient light as spherical harmonics, nine rows of red, green and blue; null where they were not requested.</summary>
         public float[][] AmbientSh;
 
-        /// <summary>Parses a set from the probe's JSON. Throws FormatException with one line for anything else.</summary>
+        /// <summary>Parses a light set from the probe's JSON. Throws FormatException with one line for anything else.</summary>
         public static LightSet Parse(string json)
         {
             var root = Json.Parse(json) as Dictionary<string, object>;

@@ -22,7 +22,7 @@ const LIGHTS = 512;
 /** Pauses between two requests for the map, for the mask, for the status and for the exposures, ms. */
 const MAP_PAUSE = 400, MASK_PAUSE = 1000, STATUS_PAUSE = 1000, BURST_PAUSE = 3000;
 
-/** Longest time for which all other work waits for the sky, ms. */
+/** Longest time for which the other requests and drawings of the page wait for the picture of the sky, ms. */
 const SKY_FIRST = 1000;
 
 const by = id => document.getElementById(id);
@@ -46,7 +46,7 @@ const download = new Download({
   mapForm: by("map-form"), covers: by("map-covers"), width: by("map-width"), map: by("map-link"), mapText: by("map-text"),
 });
 
-/** Resolves the promises of `ready`. */
+/** Functions that resolve the pending promises of `ready`. */
 const wakeUp = [];
 
 /** `mayAll`: whether this page may get pictures and change settings; null before that is known. */
@@ -69,7 +69,7 @@ function take(set) {
   scene?.draw();
 }
 
-/** The sets of this page have at most LIGHTS lights; the status has the number of lights of the probe's own set. */
+/** Shows the number of lights. The sets of this page have at most LIGHTS lights; the status has the number of the probe's own set. */
 function count(set) {
   const all = status?.last && status.run === set.run ? status.last : null;
   const isThinned = set.lights.length >= LIGHTS && all;
@@ -95,7 +95,7 @@ function tell(state) {
   if (isNew && state === "live") wake();
 }
 
-/** Continues the loops that are paused. */
+/** Continues the request loops that wait in `ready`. */
 function wake() {
   wakeUp.splice(0).forEach(go => go());
 }
@@ -107,7 +107,7 @@ async function ready() {
   }
 }
 
-/** Repeats `work` while the page is visible. */
+/** Repeats `work` with a pause of `pause` ms while the page is visible. */
 async function repeat(pause, work) {
   for (;;) {
     await ready();
@@ -167,7 +167,7 @@ async function logIn(event) {
   await look();
 }
 
-/** Creates the scene with the options of its controls. */
+/** Creates the lit scene with the options that its controls show. */
 function lightScene() {
   try {
     scene = new Scene(by("scene-canvas"), supply, ({ rate, shadows, moving }) => {

@@ -1,8 +1,8 @@
-// The pictures of a burst, shortest exposure first.
+// The panel with the pictures of a burst, shortest exposure first.
 
 import { duration } from "./figures.js";
 
-/** Width of the pictures, pixels; a click shows the full size. */
+/** Width of a picture of an exposure, pixels; a click shows the full size. */
 const WIDTH = 320;
 
 export class Burst {
@@ -10,7 +10,7 @@ export class Burst {
 
   constructor(box) { this.#box = box; }
 
-  /** Fetches all pictures one after the other: the probe makes one at a time. */
+  /** Fetches the pictures of all exposures one after the other: the probe makes one at a time. */
   async load() {
     for (let i = 0, count = 1; i < count; i++) {
       const answer = await fetch(`/v1/image/${i}?width=${WIDTH}`, { cache: "no-store" });

@@ -40,7 +40,7 @@ export class Calibration {
   get #isOpen() { return by("cal-open").open && !this.#locked; }
   get #field() { return Number(by("cal-field").value) || 180; }
 
-  /** Requests the state, which other clients may have changed. */
+  /** Requests the state of the calibration, which other clients may have changed. */
   async load() {
     if (this.#isOpen && !this.#isBusy) await this.#ask("GET");
   }
@@ -106,7 +106,7 @@ export class Calibration {
     this.#outline.clearPatch();
   }
 
-  /** Sends an action; one at a time. Returns true if it succeeded. */
+  /** Sends an action of the calibration; one action runs at a time. Returns true if it succeeded. */
   async #do(action, text = "") {
     by("cal-text").textContent = text;
     const done = await this.#ask("POST", action);
@@ -162,7 +162,7 @@ function advice({ views, advice, lacking }) {
 const fixed = (v, digits) => Number(v).toFixed(digits);
 const percent = v => `${fixed(100 * v, 1)} %`;
 
-/** For each part, the rows of a table: name and value of each known result. */
+/** For each part of the calibration, the rows of a table: name and value of each known result. */
 const RESULTS = {
   lens({ guide, lens }) {
     const rows = guide ? [["Pictures", guide.views], ["View covered", percent(guide.share)]] : [];

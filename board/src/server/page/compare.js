@@ -9,16 +9,16 @@ const PAUSE = 2000, TYPING = 350;
 /** Time for which the probe keeps a sampler after its last client, ms: a request for another sampler before that would be refused. */
 const HELD = 650;
 
-/** Largest number of lights of the other sampler. */
+/** Largest number of lights that the other sampler may have. */
 const MOST = 2048;
 
-/** Number of pairs in the history, and weight of the newest pair in the smoothed flicker. */
+/** Number of pairs of sets in the drawn history, and weight of the newest pair in the smoothed flicker. */
 const KEPT = 300, SMOOTHING = 0.1;
 
 /** Colours of the probe's own sampler and of the other one. */
 export const COLOURS = ["#4c9be8", "#e8a33d"];
 
-/** Rows of the table: name, explanation, format, and the values of both sets. */
+/** Rows of the table of scores: name, explanation, format, and the values of both sets. */
 const ROWS = [
   ["Lights used", "", (v, of) => `${v} of ${of}`, (score, set) => [score.lights, set.requested]],
   ["Error, shadowed", "against the frame's own map", v => `${percent(v)} %`, score => [score.shadowed]],
@@ -29,7 +29,7 @@ const ROWS = [
 ];
 
 export class Comparison extends EventTarget {
-  /** The newest pair of sets, or null. */
+  /** The newest pair of light sets; null before the first one. */
   pair = null;
   #parts; #cells = []; #previous = null; #arrived = 0; #interval = 100; #flicker = [null, null]; #history = [];
   #turn = 0; #timer = 0; #run = null; #asking = null; #ended = -HELD; #asked = "";
@@ -171,13 +171,13 @@ export class Comparison extends EventTarget {
 
 const sleep = ms => new Promise(done => setTimeout(done, Math.max(0, ms)));
 
-/** Returns the error of the number of lights; empty if there is none. */
+/** Returns the error message of the field for the number of lights; empty if its value is accepted. */
 function unfit({ value, validity }) {
   const isRight = !validity.badInput && /^\d+$/.test(value) && value >= 1 && value <= MOST;
   return isRight ? "" : `found lights '${validity.badInput ? "no number" : value}', expected 1 to ${MOST}`;
 }
 
-/** Requests a pair; returns status and answer: a pair, or one line of text. */
+/** Requests a pair of light sets; returns status and answer: a pair, or one line of text. */
 async function ask(algorithm, lights, after, signal) {
   const query = new URLSearchParams({ algorithm, lights, ...(after === undefined ? {} : { after }) });
   try {

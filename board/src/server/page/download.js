@@ -16,7 +16,7 @@ const MAPS = {
   png: ["PNG", "png", "A tone-mapped picture without radiance."],
 };
 
-/** Updates the links of the panel after each change of its controls. `name` is the source's name for the file names. */
+/** The panel's controls and links, which are updated after each change of a control. `name` is the source's name for the file names. */
 export class Download {
   #parts; #name = "hemilux";
 
@@ -28,7 +28,7 @@ export class Download {
     this.#write();
   }
 
-  /** Sets the source's name, which becomes part of the file names. */
+  /** Sets the name of the probe's source, which becomes part of the file names. */
   set source(name) {
     const plain = `hemilux-${name.replace(/^\w+:/, "").replace(/[^\w.-]+/g, "-").replace(/\.\w+$/, "")}`;
     if (plain === this.#name) return;

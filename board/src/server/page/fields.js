@@ -1,9 +1,9 @@
 // The fields of the settings: label, control, explanation, and error message.
 
-/** Number of values above which a slider is logarithmic. */
+/** Number of values of a setting above which its slider is logarithmic. */
 const LINEAR = 100;
 
-/** Creates a row with label, control, explanation and error message; `change` is called with each new value, undefined for none. */
+/** Creates a row for a setting with label, control, explanation and error message; `change` is called with each new value, undefined for none. */
 export function field(name, schema, change) {
   const box = document.createElement("div"), row = make("div", { className: "row" }), id = `set-${name}`;
   const control = kind(schema)(id, schema, change);
@@ -78,7 +78,7 @@ function toggle(id, _, change) {
   return { parts: [box], show: ({ value }) => { box.checked = value; } };
 }
 
-/** Creates a number field with a slider, which is logarithmic for many values. */
+/** Creates a number field with a slider, which is logarithmic for a setting with many values. */
 function number(id, schema, change) {
   const input = make("input", { id, type: "number" }), slider = make("input", { type: "range", min: 0, max: 1, step: 0.001 });
   slider.setAttribute("aria-label", `${id.slice(4)}, roughly`);

@@ -1,4 +1,4 @@
-// Formatting of numbers, and the curves next to them.
+// Formatting of numbers, and drawing of the curves next to them.
 
 import { penOf } from "./quality.js";
 

@@ -1,4 +1,4 @@
-// Combines the brightest lights to one disc: where time allows one shadow alone, the shadow of a single light among many would be invisible.
+// Combines the brightest lights to one disc: where the frame time allows only one shadow, the shadow of a single light among many would be invisible.
 
 import { luminance } from "./map.js";
 
@@ -11,7 +11,7 @@ const BRIGHTER = 1.3;
 /** Number of brightest lights around which a disc is searched. */
 const STARTS = 8;
 
-/** Number of steps by which a disc's centre moves to the mean of its lights. */
+/** Number of steps in which a disc's centre moves to the mean direction of its lights. */
 const STEPS = 3;
 
 export class Gathering {

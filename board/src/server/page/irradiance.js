@@ -1,10 +1,10 @@
 // Irradiance of all lights together by surface normal, computed once per picture into a small map, so that a pixel needs one look-up in place of a
 // loop over the lights. Lights with shadows are computed per pixel.
 
-/** Side of the map, texels: for the room in 64 lights, values read from it differ by 0.3 % of the mean (RMS over normals), a sixth of the error of the lights. */
+/** Side of the map of irradiance, texels: for the room in 64 lights, values read from it differ by 0.3 % of the mean (RMS over normals), a sixth of the error of the lights. */
 export const SIDE = 48;
 
-/** Direction of each texel: an octahedron projected to the sphere and unfolded into a square [Cigolle et al. 2014], with the outermost texel centres on its edge. */
+/** Direction of each texel of the map of irradiance: an octahedron projected to the sphere and unfolded into a square [Cigolle et al. 2014], with the outermost texel centres on its edge. */
 const NORMALS = (() => {
   const normals = new Float32Array(3 * SIDE * SIDE);
   for (let y = 0, i = 0; y < SIDE; y++) for (let x = 0; x < SIDE; x++, i += 3) {
@@ -48,7 +48,7 @@ export function bake(lights, ambient, scale, out = new Float32Array(3 * SIDE * S
       out[o + 2] += b * part[i];
     }
   });
-  // Negative values, where the harmonics ring, become 0.
+  // Negative irradiance, where the harmonics ring, becomes 0.
   if (ambient) for (let o = 0; o < out.length; o++) out[o] = Math.max(0, out[o]);
   for (const { direction: [x, y, z], irradiance } of lights) {
     const [r, g, b] = irradiance.map(v => v * scale);

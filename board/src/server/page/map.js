@@ -6,7 +6,7 @@
 /** Radiance of each code of /v1/map.jpg, relative to the geometric mean. */
 const RATIOS = Float32Array.from({ length: 256 }, (_, code) => (code / Math.max(0.5, 255 - code)) ** 2);
 
-/** Fetches the map, or null where the probe has none yet. Throws if the map may not be requested. */
+/** Fetches the probe's map; null where the probe has none yet. Throws if the map may not be requested. */
 export async function fetchMap() {
   const answer = await fetch("/v1/map.jpg", { cache: "no-store" });
   if (!answer.ok) return refused(answer);
@@ -18,7 +18,7 @@ export async function fetchMap() {
   return { width, height, texels };
 }
 
-/** Returns the codes of a picture without a colour conversion. */
+/** Returns the codes of the picture in `blob` without a colour conversion. */
 async function pixels(blob) {
   const picture = await createImageBitmap(blob, { colorSpaceConversion: "none" }), { width, height } = picture;
   const pen = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
@@ -39,7 +39,7 @@ export function continued({ width, height, texels }) {
   return { width, height, texels: filled };
 }
 
-/** Fetches the mask: for each texel 0 for unseen, 128 for seen, 255 for clipped. */
+/** Fetches the mask of the map: for each texel 0 for unseen, 128 for seen, 255 for clipped. */
 export async function fetchMask() {
   const answer = await fetch("/v1/mask.png", { cache: "no-store" });
   if (!answer.ok) return refused(answer);
@@ -55,7 +55,7 @@ function refused(answer) {
 
 export const luminance = (r, g, b) => 0.2126 * r + 0.7152 * g + 0.0722 * b;
 
-/** Returns the geometric mean of the positive luminances, which is displayed as mid-grey. */
+/** Returns the geometric mean of the positive luminances of the map's texels, which is displayed as mid-grey. */
 export function adaptation({ texels }) {
   let sum = 0, count = 0;
   for (let i = 0; i < texels.length; i += 3) {
@@ -71,7 +71,7 @@ const CODES = Uint8ClampedArray.from({ length: 4097 }, (_, i) => {
   return 255 * (v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.055);
 });
 
-/** Returns the display codes of all texels by the sigmoid of Naka and Rushton on luminance, as in the probe's own pictures. */
+/** Returns the display codes of all texels of the map by the sigmoid of Naka and Rushton on luminance, as in the probe's own pictures. */
 export function toneMap({ texels }, grey) {
   const out = new Uint8Array(texels.length);
   for (let i = 0; i < texels.length; i += 3) {

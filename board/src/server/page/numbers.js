@@ -6,7 +6,7 @@ import { luminance } from "./map.js";
 /** Weight of the newest frame in the smoothed flicker. */
 const SMOOTHING = 0.05;
 
-/** Explanation of the estimated error. */
+/** Explanation of the estimated error in its tile. */
 const ESTIMATED = "of shadows, against the mean";
 
 const TILES = [
@@ -23,7 +23,7 @@ const TILES = [
   ["clients", "Clients", ""],
 ];
 
-/** Normals over the upper hemisphere, on a golden spiral. */
+/** Normals of the receivers by which flicker is computed: over the upper hemisphere, on a golden spiral. */
 const NORMALS = Array.from({ length: 64 }, (_, i) => {
   const z = (i + 0.5) / 64, across = Math.sqrt(1 - z * z), phi = i * 2.399963;
   return [across * Math.cos(phi), across * Math.sin(phi), z];
@@ -99,7 +99,7 @@ export class Numbers {
     if (note !== undefined && small.textContent !== note) small.textContent = small.title = note;
   }
 
-  /** Computes the flicker: RMS change of irradiance over the normals, divided by the mean irradiance. */
+  /** Computes the flicker of the newest set: RMS change of irradiance over the normals, divided by the mean irradiance. */
   #follow(lights) {
     const now = NORMALS.map(n => lights.reduce((sum, { direction: d, irradiance }) =>
       sum + luminance(...irradiance) * Math.max(0, n[0] * d[0] + n[1] * d[1] + n[2] * d[2]), 0));

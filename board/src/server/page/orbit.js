@@ -52,7 +52,7 @@ export class Orbit {
     this.#changed();
   }
 
-  /** Returns the eye, the matrix to clip space (column major) and its inverse. */
+  /** Returns the position of the eye, the matrix to clip space (column major) and its inverse. */
   camera(aspect) {
     const { around, up, away } = this.#at;
     const back = [Math.cos(up) * Math.cos(around), Math.cos(up) * Math.sin(around), Math.sin(up)];
@@ -64,7 +64,7 @@ export class Orbit {
     const dot = (u, v) => u[0] * v[0] + u[1] * v[1] + u[2] * v[2], rows = [right.map(v => v * f / aspect), top.map(v => v * f), back.map(v => v * a)];
     const move = [-dot(rows[0], eye), -dot(rows[1], eye), -dot(rows[2], eye) + b];
     const view = [0, 1, 2].flatMap(c => [rows[0][c], rows[1][c], rows[2][c], -back[c]]).concat(move, dot(back, eye));
-    // The inverse: depth is -w, and the remaining part of z is the homogeneous coordinate.
+    // In the inverse, depth is -w, and the remaining part of z is the homogeneous coordinate.
     const world = [right.map(v => v * aspect / f).concat(0), top.map(v => v / f).concat(0), eye.map(v => v / b).concat(1 / b),
       back.map((v, i) => eye[i] * a / b - v).concat(a / b)];
     return { eye, view: new Float32Array(view), back: new Float32Array(world.flat()) };

@@ -10,7 +10,7 @@ function shape(name, attributes, title) {
 }
 
 export class Outline {
-  /** Called with { centre, radius } when the circle was dragged. */
+  /** Called with { centre, radius } of the image circle, pixels, after the user has dragged it. */
   onCircle = () => {};
   #svg; #size = [1, 1]; #circle = null; #patch = []; #takesPatch = false;
 
@@ -25,7 +25,7 @@ export class Outline {
 
   #last = {};
 
-  /** Corners of the patch, pixels. */
+  /** Corners of the patch that the user has clicked, pixels of the picture. */
   get patch() { return this.#patch; }
 
   set takesPatch(on) {
@@ -60,7 +60,7 @@ export class Outline {
     if (focused) this.#svg.querySelector(`[data-handle=${focused}]`)?.focus();
   }
 
-  /** A size that is visible at any scale of the picture. */
+  /** A length in pixels of the picture that is visible at any scale. */
   get #unit() { return Math.max(...this.#size) / 90; }
 
   #board(guide) {

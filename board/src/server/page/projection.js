@@ -48,7 +48,7 @@ export function plan(view, width, height, map) {
   return { width, height, at, part };
 }
 
-/** Interpolates display codes of texels by a plan; pixels outside of the view stay transparent. */
+/** Interpolates display codes of texels by a plan of {@link plan}; pixels outside of the view stay transparent. */
 export function paint({ width, height, at, part }, codes) {
   const image = new ImageData(width, height), out = image.data;
   for (let i = 0; i < width * height; i++) {

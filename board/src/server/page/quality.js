@@ -18,7 +18,7 @@ const GPU = { long: 34, room: 20, first: 1, pause: 0 }, SOFTWARE = { long: 95, r
 const MEAN = 4, DOWN = 5, UP = 40, FIRST = 8;
 
 export class Quality {
-  /** True to keep the highest quality at any frame time. */
+  /** True if the highest quality is kept at any frame time. */
   isFixed = false;
   #limits; #step; #mean = null; #slow = 0; #frames = -FIRST; #last = 0; #patience = UP; #hasRisen = false;
 
@@ -29,10 +29,10 @@ export class Quality {
 
   get current() { return LADDER[this.isFixed ? 0 : this.#step]; }
 
-  /** Pause between two pictures, ms. */
+  /** Pause between two pictures of the scene, ms. */
   get pause() { return this.#limits.pause; }
 
-  /** Frame rate, Hz; 0 before the first frames. */
+  /** Frame rate of the scene, Hz; 0 before the first frames. */
   get rate() { return this.#mean ? 1000 / this.#mean : 0; }
 
   /** Measures the start of a frame; its duration is counted only if it `follows` another frame without a pause. */

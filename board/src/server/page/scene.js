@@ -8,19 +8,19 @@ import { Quality, isSoftware } from "./quality.js";
 import { MOST_LIGHTS, depth, dome, matt, rays, shiny, sky, solid } from "./shaders.js";
 import { BALL, STRIDE, scene } from "./shapes.js";
 
-/** Depth maps: side in texels, and number of maps. */
+/** Depth maps of lights with shadows: side in texels, and number of maps. */
 const SIDE = 512, LAYERS = 32;
 
 /** Map of the sky as a disc: side in texels, of at most about one degree each, and change of exposure from which it is painted again, stops. */
 const DISC = 256, FINE = 0.02;
 
-/** Factor of the pause between pictures without motion: without a GPU, other work needs the processor. */
+/** Factor by which the pause between pictures is longer while nothing moves: without a GPU, other work needs the processor. */
 const SELDOM = 4;
 
-/** Largest width of the picture, pixels. */
+/** Largest width of the picture of the scene, pixels. */
 const WIDEST = 1600;
 
-/** Time constant of the exposure, ms: short enough to follow a lamp that is switched on, long enough to keep flicker visible. */
+/** Time constant of the adaptation of the exposure, ms: short enough to follow a lamp that is switched on, long enough to keep flicker visible. */
 const EYE_TIME = 1500;
 
 export class Scene {
@@ -54,10 +54,10 @@ export class Scene {
     this.draw();
   }
 
-  /** Exposure compensation, stops. */
+  /** Exposure compensation of the scene, stops. */
   set exposure(ev) { this.#ev = ev; this.draw(); }
 
-  /** The map that is shown as background, or null. */
+  /** The map that is shown as background of the scene; null for none. */
   set map(map) {
     const gl = this.#gl;
     this.#known = Boolean(map);
@@ -70,7 +70,7 @@ export class Scene {
     this.draw();
   }
 
-  /** Requests a picture, and further ones while the lights move. */
+  /** Requests a picture of the scene, and further ones while the lights move. */
   draw() {
     this.#due ||= requestAnimationFrame(now => {
       this.#due = 0;
@@ -327,7 +327,7 @@ function attribute(gl, index, size, stride, offset) {
   gl.vertexAttribPointer(index, size, gl.FLOAT, false, 4 * stride, 4 * offset);
 }
 
-/** Returns a linked program and the locations of its uniforms. */
+/** Returns the linked program of two shaders and the locations of its uniforms. */
 function program(gl, { vertex, fragment }) {
   const made = gl.createProgram();
   for (const [kind, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {

@@ -27,7 +27,7 @@ export class Settings extends EventTarget {
     if (answer.ok) this.#show(await answer.json());
   }
 
-  /** The value of a setting, undefined before it is known. */
+  /** Returns the value of the setting `name`; undefined before it is known. */
   value(name) { return this.#values[name]; }
 
   /** True if changes are not permitted. */
@@ -101,7 +101,7 @@ export class Settings extends EventTarget {
   }
 }
 
-/** Sends a change; returns status and answer. An answer that is not JSON is in `text`. */
+/** Sends a change of settings; returns status and answer. An answer that is not JSON is in `text`. */
 async function patch(url, wish) {
   try {
     const answer = await fetch(url, { method: "PATCH", headers: { "content-type": "application/json" }, body: JSON.stringify(wish) });

@@ -1,4 +1,4 @@
-// The scene's programs, GLSL ES 3.00. All directions are the probe's: +Z is up.
+// The shader programs of the scene, GLSL ES 3.00. All directions are in the probe's axes: +Z is up.
 
 import { PLACE } from "./irradiance.js";
 import { FADED, FADES } from "./shapes.js";
@@ -160,7 +160,7 @@ void main() {
 }`,
 };
 
-/** The background, behind all that was drawn before. */
+/** The background of the scene, behind the solids that were drawn before. */
 export const sky = {
   vertex: `${HEAD}
 uniform mat4 back;

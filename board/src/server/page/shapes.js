@@ -1,6 +1,6 @@
 // The scene's solids as triangles, computed here so that no file must be loaded. +Z is up; a unit is about the width of a hand.
 
-/** Floats of a vertex: position, normal, colour (linear), roughness. */
+/** Number of floats of a vertex: position, normal, colour (linear), roughness. */
 export const STRIDE = 10;
 
 /** A ball that contains all objects on the ground, from the centre of the ground up. */
@@ -106,7 +106,7 @@ function block(mesh, [x, y, z], half, turn, look) {
   }
 }
 
-/** Ellipsoids that blend into each other: centre, radii, rotation about the y axis. */
+/** Ellipsoids of the rabbit, which blend into each other: centre, radii, rotation about the y axis. */
 const LIMBS = [
   [[-0.05, 0, 0.42], [0.5, 0.36, 0.4], 0.15], [[0.27, 0, 0.58], [0.26, 0.27, 0.34], 0.3], [[0.48, 0, 1.0], [0.26, 0.21, 0.22], 0.2],
   [[0.66, 0, 0.93], [0.13, 0.13, 0.11], 0], [[0.33, 0.12, 1.42], [0.075, 0.06, 0.31], -0.35], [[0.33, -0.12, 1.42], [0.075, 0.06, 0.31], -0.35],

@@ -35,14 +35,14 @@ export class Sky {
     canvas.addEventListener("keydown", e => this.#step(e));
   }
 
-  /** Name of the view, "lens" or "polar". */
+  /** Name of the view of the sky, "lens" or "polar". */
   set view(name) {
     this.#view = name;
     this.#canvas.classList.toggle("polar", name === "polar");
     this.#fit();
   }
 
-  /** Exposure compensation, stops. */
+  /** Exposure compensation of the sky's picture, stops. */
   set exposure(ev) { this.#exposure = ev; this.#tone(); }
   set dots(on) { this.#dots = on; if (!on) this.#choose(null); this.#soon(); }
   set marks(on) { this.#marked = on; this.#soon(); }
@@ -158,7 +158,7 @@ export class Sky {
     }
   }
 
-  /** Returns the radius of a dot: its area is proportional to the light's energy; with many lights and in small pictures, dots are smaller, so that they do not
+  /** Returns the radius of a light's dot, canvas pixels: its area is proportional to the light's energy; with many lights and in small pictures, dots are smaller, so that they do not
    * hide the picture. */
   #radius(light, top) {
     const ratio = window.devicePixelRatio || 1, room = Math.min(1, this.#canvas.width / ratio / ROOMY);
@@ -193,7 +193,7 @@ export class Sky {
     }
   }
 
-  /** Selects the light under the pointer. */
+  /** Selects the light whose dot is under the pointer. */
   #point(event) {
     if (!this.#dots) return;
     const ratio = window.devicePixelRatio || 1, { x, y, w, h } = this.#frame();
@@ -247,7 +247,7 @@ function put(canvas, image) {
   penOf(canvas).putImageData(image, 0, 0);
 }
 
-/** Returns elevation above the horizon and azimuth from +X towards +Y, as text. */
+/** Returns the elevation of a direction above the horizon and its azimuth from +X towards +Y, as text. */
 export function angles([x, y, z]) {
   return { elevation: `${fixed(degrees(Math.asin(Math.min(1, Math.max(-1, z)))), 1)}°`, azimuth: `${fixed(degrees(Math.atan2(y, x)), 1)}°` };
 }

@@ -1,4 +1,4 @@
-// The source of the light: its name, and a selection of another one where the token permits it.
+// The source of bursts: its name, and the selection of another source where the token permits it.
 
 export class SourceChoice {
   #select; #text; #busy = false; #name = "";

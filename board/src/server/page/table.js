@@ -4,7 +4,7 @@ import { fixed, short } from "./figures.js";
 import { luminance, screenColour } from "./map.js";
 import { angles } from "./sky.js";
 
-/** Largest number of rows, and shortest time between two updates, ms. */
+/** Largest number of rows of the table of lights, and shortest time between two updates, ms. */
 const ROWS = 100, PAUSE = 500;
 
 export class Table {

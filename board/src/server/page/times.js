@@ -2,7 +2,7 @@
 
 import { curves, duration, element, figures, milliseconds, niceAbove } from "./figures.js";
 
-/** Number of frames in the curves, and shortest time between two drawings, ms. */
+/** Number of frames in the curves of durations, and shortest time between two drawings, ms. */
 const KEPT = 300, PAUSE = 150;
 
 /** Part of a bar's width that represents the budget. */

@@ -32,15 +32,15 @@ class Light:
     """A directional light."""
 
     id: int
-    """Kept from set to set for as long as the light exists."""
+    """Number of the light, kept from set to set for as long as the light exists."""
     direction: tuple[float, float, float]
     """Unit vector from the probe towards the light."""
     irradiance: tuple[float, float, float]
     """Perpendicular irradiance, linear red, green and blue."""
     radius_deg: float
-    """Angular radius, degrees."""
+    """Angular radius of the light as a disc, degrees."""
     age: int = 0
-    """Frames since the light appeared."""
+    """Number of frames since the light appeared."""
     parent: Optional[int] = None
     """Id of the light from which the light was split."""
 
@@ -50,7 +50,7 @@ class LightSet:
     """The lights of one frame."""
 
     run: str
-    """Changes at every start of the probe; ids of different runs are unrelated."""
+    """Name of the run, which changes at every start of the probe; ids of different runs are unrelated."""
     frame: int
     time_ns: int
     """CLOCK_MONOTONIC of the probe at the end of the burst, nanoseconds."""
@@ -58,7 +58,7 @@ class LightSet:
     """Reason why there is no newer set; None for a new one."""
     lights: tuple[Light, ...]
     ambient: Optional[tuple[tuple[float, float, float], ...]]
-    """Nine rows of spherical harmonics where they were requested."""
+    """Ambient light as nine rows of spherical harmonics, where it was requested."""
     raw: dict[str, Any] = field(repr=False)
     """All members of the probe's answer."""
 
@@ -70,7 +70,7 @@ class LightSet:
 
 
 def get(address: str, *, lights: Optional[int] = None, ambient: bool = False, soft: Optional[bool] = None, coordinates: str = "probe", timeout: float = 5.0) -> LightSet:
-    """Returns the next set."""
+    """Returns the next light set of the probe."""
     path = path_of(lights, ambient, coordinates, soft).replace("/v1/events", "/v1/lights")
     try:
         with ask(base_of(address), path, timeout=timeout) as answer:
@@ -82,7 +82,7 @@ def get(address: str, *, lights: Optional[int] = None, ambient: bool = False, so
 def sets(
     address: str, *, lights: Optional[int] = None, ambient: bool = False, soft: Optional[bool] = None, coordinates: str = "probe", timeout: Optional[float] = None
 ) -> Iterator[LightSet]:
-    """Yields each new set. Without `timeout`, it waits for a probe that does not answer."""
+    """Yields each new light set. Without `timeout`, waits for a probe that does not answer."""
     feed = Feed(address, path_of(lights, ambient, coordinates, soft))
     try:
         end = None if timeout is None else time.monotonic() + timeout
@@ -102,7 +102,7 @@ def sets(
 async def stream(
     address: str, *, lights: Optional[int] = None, ambient: bool = False, soft: Optional[bool] = None, coordinates: str = "probe", timeout: Optional[float] = None
 ) -> AsyncIterator[LightSet]:
-    """Yields each new set without blocking the event loop. Without `timeout`, it waits for a probe that does not answer."""
+    """Yields each new light set without blocking the event loop. Without `timeout`, waits for a probe that does not answer."""
     loop, news = asyncio.get_running_loop(), asyncio.Event()
 
     def wake() -> None:

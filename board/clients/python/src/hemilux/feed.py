@@ -17,7 +17,7 @@ LARGEST_EVENT, LARGEST_MAP = 16 << 20, 256 << 20
 
 
 class Refused(Exception):
-    """An answer that does not change when the request is repeated. The text is one line."""
+    """The probe refused a request, and would refuse it again. The text is one line."""
 
 
 def base_of(address: str) -> str:
@@ -56,7 +56,7 @@ def ask(base: str, path: str, token: str = "", timeout: float = SILENCE, method:
 
 
 def map_bytes(address: str, token: str = "") -> bytes:
-    """Returns the newest map as Radiance HDR, +Z up."""
+    """Returns the probe's newest map as Radiance HDR, +Z up."""
     with ask(base_of(address), "/v1/map.hdr", token, timeout=10) as answer:
         data: bytes = answer.read(LARGEST_MAP + 1)
     if len(data) > LARGEST_MAP or not data.startswith(b"#?"):
