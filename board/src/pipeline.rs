@@ -1,7 +1,7 @@
 //! The core's stages with memory from the heap: a burst in, lights out.
 //!
-//! All memory is allocated when the pipeline is made or its exposures change; processing a frame allocates nothing. The polar map is allocated
-//! when a sampler or a picture needs it first.
+//! All memory is allocated when the pipeline is made or the exposures of its bursts change; processing a burst allocates nothing. The polar
+//! map is allocated when a sampler or a picture needs it first.
 
 mod processed;
 mod settings;
@@ -26,7 +26,7 @@ pub use processed::{Processed, Sampled};
 pub use settings::{PipelineError, Settings};
 pub use times::Times;
 
-/// Most consecutive bursts that are not merged; the lights of the last merged burst are returned in place of theirs.
+/// Largest number of consecutive bursts that are not merged; the pipeline returns the lights of the last merged burst in their place.
 const MOST_HELD: u32 = 4;
 
 /// A hemisphere map and the sampler that computes lights from it.
@@ -36,28 +36,28 @@ pub struct Pipeline {
     front: FrontEnd<Vec<u64>>,
     inspector: Inspector,
     mains: Mains<Vec<Cell>>,
-    /// Modulation of the light over a mains period in the last merged burst.
+    /// Modulation of the light over a mains period, as detected in the last merged burst.
     flicker: Flicker,
-    /// Coverage of the map; `None` before the first merged burst.
+    /// Clipped and unseen shares of the map; `None` before the first merged burst.
     seen: Option<Coverage>,
-    /// True if a burst was merged, into the map or into an earlier one of another size.
+    /// True if a burst was merged, into the present map or into an earlier map of another size.
     was_seen: bool,
     /// Number of consecutive bursts whose shortest exposure is wrong or whose wrong frames cannot be identified.
     doubtful: u32,
     /// The polar map; `None` until a sampler or a picture needs it.
     polar: Option<Polar>,
-    /// True if `polar` holds the current frame.
+    /// True if `polar` holds the map of the last burst.
     polar_fresh: bool,
     sampler: Box<dyn Sampler + Send>,
-    /// Largest number of exposures of a burst that are merged.
+    /// Largest number of exposures of a burst that are merged, set by [`Pipeline::limit_exposures`].
     most_exposures: usize,
 }
 
 impl Pipeline {
-    /// Allocates all memory and builds the tables.
+    /// Allocates all memory and builds the tables of a pipeline.
     ///
     /// # Errors
-    /// [`PipelineError`] where calibration, exposures and settings do not fit together.
+    /// [`PipelineError`] if calibration, exposures and settings do not fit together.
     pub fn try_new(
         calibration: Calibration,
         exposures: &[Exposure],
@@ -89,10 +89,10 @@ impl Pipeline {
         })
     }
 
-    /// Changes the settings and keeps the buffers that they do not affect; on an error the old settings stay in effect.
+    /// Changes the settings and keeps the buffers that they do not affect; on an error the earlier settings stay in effect.
     ///
     /// # Errors
-    /// [`PipelineError`] where calibration and settings do not fit together.
+    /// [`PipelineError`] if calibration and settings do not fit together.
     pub fn configure(&mut self, settings: Settings) -> Result<(), PipelineError> {
         let same_maps = settings.order() == self.front.order().get() && settings.grid == self.settings.grid;
         if !same_maps {
@@ -111,7 +111,7 @@ impl Pipeline {
             }
         }
         if settings.extrapolation != self.settings.extrapolation {
-            // The energy of unseen directions comes and goes, which is no flicker.
+            // With other settings, the energy of unseen directions may appear in the map or vanish from it, which is no flicker.
             self.mains.restart();
         }
         self.front.set_extrapolation(settings.extrapolation);
@@ -210,8 +210,8 @@ impl Pipeline {
         })
     }
 
-    /// Returns, for each frame of `burst`, whether it may be merged under the detected flicker: always for the shortest and the longest
-    /// exposure.
+    /// Returns, for each frame of `burst`, whether it may be merged under the detected flicker: always true for the shortest and the
+    /// longest exposure.
     fn steady(&self, burst: &Burst) -> [bool; MAX_EXPOSURES] {
         let last = burst.frames.len().saturating_sub(1);
         core::array::from_fn(|index| {
@@ -220,7 +220,8 @@ impl Pipeline {
         })
     }
 
-    /// Merges frames into the map; `added_up` is called after the pixels are summed and before the map is built.
+    /// Merges the frames of a burst into the map; `added_up` is called after the pixels are summed and before the map is built from the
+    /// sums.
     fn merge<'b>(
         &mut self,
         merged: impl Iterator<Item = &'b Frame> + Clone,
@@ -239,8 +240,8 @@ impl Pipeline {
         Ok(seen)
     }
 
-    /// Limits the number of exposures merged from later bursts without contradictions to `most`: the shortest, the longest, and others evenly
-    /// between them.
+    /// Limits the number of exposures that are merged of each later burst without contradictions to `most`: the shortest, the longest, and
+    /// others evenly spaced between them.
     pub fn limit_exposures(&mut self, most: usize) {
         self.most_exposures = most;
     }
@@ -255,14 +256,14 @@ impl Pipeline {
         sample(sampler, &map, request)
     }
 
-    /// Returns the quads of `order`, or of the map's order if that is less, for the last burst.
+    /// Returns the quads of the last burst's map at `order`, or at the map's own order if that is less.
     #[must_use]
     pub fn sketch(&self, order: u8) -> &[Quad] {
         let view = self.front.map();
         view.quads_of(order.min(view.order().get()))
     }
 
-    /// Rebuilds the merge tables when the exposures of a burst differ from those before.
+    /// Rebuilds the merge tables if the exposures of a burst differ from those of the burst before.
     fn follow_exposures(
         &mut self,
         exposures: impl Iterator<Item = Exposure> + Clone,
@@ -300,13 +301,13 @@ impl Pipeline {
         self.seen.is_some()
     }
 
-    /// Returns the memory of the comparison of frames, bytes.
+    /// Returns the memory of the inspector that compares the frames of a burst, bytes.
     #[must_use]
     pub fn inspector_bytes(&self) -> usize {
         self.inspector.bytes()
     }
 
-    /// Returns the memory that the sampler has outside of the listed buffers, bytes.
+    /// Returns the memory that the sampler allocated itself, besides the buffers of the plan, bytes.
     #[must_use]
     pub fn sampler_bytes(&self) -> usize {
         size_of_val(&*self.sampler)

@@ -1,54 +1,58 @@
-//! Comparison of two frames of different exposure.
+//! Comparison of the samples of two frames of one burst, which have different exposures.
 
 use super::samples::{ROWS, SATURATED, Sampled};
 use hemilux_core::wire::FrameFault;
 
-/// Factor above or below the prediction from which a sample contradicts it.
+/// Factor above or below the prediction from the other frame from which a sample contradicts the prediction.
 const DARKER: f32 = 8.0;
 
-/// Factor between a sample's radiance ratio and the median ratio from which the two frames show different objects at the sample.
+/// Factor between a sample's ratio of radiances (shorter frame divided by longer frame) and the median ratio from which the two frames show
+/// different objects at the sample.
 const DIFFERENT: f32 = 1.4;
 
-/// Share of dark or of saturated samples above which a frame is black or overexposed, and share of equal samples above which it is a copy.
+/// Share of a frame's samples that are too dark or saturated, 0 to 1, above which the frame is black or overexposed, and share of equal
+/// samples above which it is a copy.
 const NEARLY_ALL: f64 = 0.9;
 
-/// Least number of samples for a verdict.
+/// Least number of compared samples for a verdict on two frames.
 const ENOUGH: usize = 16;
 
-/// Least number of ratios for a share of them.
+/// Least number of samples for which [`Comparison::away`] is computed.
 const ENOUGH_FOR_SHARE: usize = 64;
 
-/// Least number of samples in a row for its median.
+/// Least number of compared samples in a row of the grid for the row's median.
 const ENOUGH_IN_ROW: usize = 4;
 
-/// Least factor between the two parts of a torn frame, and largest factor within a part.
+/// Least factor between the mean ratios of the two parts of a torn frame, and the factor whose square is the largest one between two rows
+/// within a part.
 const TORN: (f32, f32) = (1.5, 1.15);
 
-/// Least number of rows in a part of a torn frame, unless the factor is [`TORN_FAR`]: bands of flickering light have smaller factors.
+/// Least number of grid rows in a part of a torn frame, unless the factor is [`TORN_FAR`]: bands of flickering light have smaller factors.
 const TORN_ROWS: usize = 3;
 
-/// Least factor between the parts of a torn frame if one part has fewer rows.
+/// Least factor between the two parts of a torn frame if one of them has fewer rows than [`TORN_ROWS`].
 const TORN_FAR: f32 = 2.5;
 
-/// Ratio of two exposures below which their samples may be equal.
+/// Ratio of the longer to the shorter exposure time below which equal samples are no sign of a copied frame.
 const SAME_EXPOSURE: f32 = 1.2;
 
-/// Share of different samples from which a frame is tested for tearing.
+/// Share of the samples that show different objects, 0 to 1, from which a frame is tested for tearing.
 const TORN_SHARE: f32 = 0.04;
 
-/// Comparison of two frames of different exposure.
+/// Result of the comparison of two frames of different exposure.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Comparison {
     /// Deviations of the shorter exposure from the prediction of the longer one, and of the longer one from the prediction of the shorter
     /// one.
     levels: [Deviating; 2],
-    /// Natural logarithm of the median ratio of radiances, 0 if both exposures are as stated; `None` if too few samples can be compared.
+    /// Natural logarithm of the median ratio of the frames' radiances, 0 if both exposures are as stated; `None` if too few samples can be
+    /// compared.
     pub log_ratio: Option<f32>,
-    /// Share of the samples whose ratio differs from the median.
+    /// Share of the samples whose ratio of radiances differs from the median by [`DIFFERENT`], 0 to 1.
     pub away: f32,
-    /// True if the ratio has one value in the upper rows and another one in the lower rows.
+    /// True if the ratio of radiances has one value in the upper rows and another value in the lower rows.
     pub is_torn: bool,
-    /// True if the samples are equal although the exposures differ.
+    /// True if nearly all samples of the two frames are equal although the exposures differ.
     pub is_copy: bool,
 }
 
@@ -60,7 +64,8 @@ struct Deviating {
 }
 
 impl Deviating {
-    /// Counts the sample `found` against the prediction `expected`.
+    /// Counts the sample `found` as darker, brighter or neither, against its prediction `expected`; `least` is the least relative exposure
+    /// that is compared.
     fn add(&mut self, found: f32, expected: f32, least: f32) {
         if expected >= least / 2.0 {
             self.dark.add(found < expected.min(1.0) / DARKER);
@@ -70,7 +75,7 @@ impl Deviating {
         }
     }
 
-    /// Returns the fault of a frame that is black or saturated as a whole.
+    /// Returns the fault of the frame if nearly all of its samples are too dark or saturated.
     fn fault(&self) -> Option<FrameFault> {
         if self.dark.is_nearly_all() {
             return Some(FrameFault::Black);
@@ -79,7 +84,7 @@ impl Deviating {
     }
 }
 
-/// A number of samples, and the total to which it belongs.
+/// Number of samples with a property, and number of samples that were tested for it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct SampleShare {
     part: usize,
@@ -97,20 +102,20 @@ impl SampleShare {
     }
 }
 
-/// The samples of two frames to compare.
+/// The samples of two frames that are compared.
 #[derive(Clone, Copy)]
 pub(super) struct Pair<'a> {
-    /// Samples of the shorter exposure.
+    /// Samples of the frame of shorter exposure.
     pub short: &'a Sampled,
-    /// Samples of the longer exposure.
+    /// Samples of the frame of longer exposure.
     pub long: &'a Sampled,
-    /// Ratio of the shorter exposure to the longer one.
+    /// Exposure of the shorter frame divided by the exposure of the longer frame, below 1.
     pub factor: f32,
-    /// Least relative exposure that is compared.
+    /// Least relative exposure of a sample that is compared, 0 to 1.
     pub least: f32,
 }
 
-/// Working memory for ratios, in the order of the rows and sorted.
+/// Working memory for the ratios of the samples: in the order of the rows, and for the median of all.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
     by_row: Vec<f32>,
@@ -128,7 +133,7 @@ impl Scratch {
 }
 
 impl Comparison {
-    /// Compares the frames of a pair.
+    /// Compares the two frames of `pair`.
     pub fn new(pair: Pair<'_>, scratch: &mut Scratch) -> Self {
         let mut found = Self::default();
         let mut equal = SampleShare::default();
@@ -154,7 +159,7 @@ impl Comparison {
         found
     }
 
-    /// Adds the samples of both frames at one grid position.
+    /// Adds the samples `short` and `long` of the two frames at one position of the grid.
     fn add(
         &mut self,
         short: f32,
@@ -184,7 +189,7 @@ impl Comparison {
         }
     }
 
-    /// Returns, for the shorter and for the longer exposure, whether it is black or saturated as a whole.
+    /// Returns the faults of the shorter and of the longer frame that is black or saturated as a whole.
     pub fn level_faults(&self) -> [Option<FrameFault>; 2] {
         self.levels.map(|levels| levels.fault())
     }
@@ -216,7 +221,7 @@ impl Medians {
         medians
     }
 
-    /// Returns true if the medians have one value down to some row and another one below it.
+    /// Returns true if the medians have one value down to some row and another value below that row.
     fn are_two_parts(&self) -> bool {
         let rows = &self.rows[..self.count];
         let spread = |part: &[f32]| {

@@ -1,35 +1,35 @@
-//! Running statistics of a pair of exposures over the earlier bursts.
+//! Running statistics of the comparisons of two exposures over the earlier bursts.
 
 use super::compare::Comparison;
 use hemilux_core::wire::FrameFault;
 
-/// Weight of a new burst in the running means.
+/// Weight of the newest burst in the running means, 0 to 1, after the first bursts.
 pub(super) const NEW: f32 = 1.0 / 8.0;
 
-/// Number of bursts from which the ratio of two exposures is known.
+/// Number of compared bursts from which the usual ratio of two exposures counts as known.
 pub(super) const KNOWN: u32 = 4;
 
-/// Least factor between a wrong exposure ratio and the known one.
+/// Least factor between a wrong ratio of radiances and the usual ratio of the pair of exposures.
 const WRONG: f32 = 1.2;
 
-/// Factor between an exposure ratio and the stated one from which the ratio is doubtful until it is known.
+/// Factor between a measured and the stated ratio of exposures from which the measured ratio is doubtful until the usual ratio is known.
 const DOUBTFUL: f32 = 1.5;
 
-/// Number of standard deviations from the mean beyond which an exposure ratio is wrong.
+/// Number of standard deviations from the running mean beyond which a ratio of exposures is wrong.
 pub(super) const DEVIATIONS: f32 = 4.0;
 
-/// Excess of the share of different samples over its running mean from which two frames show different scenes.
+/// Excess of the share of different samples over the running mean of this share from which two frames show different scenes.
 const MOVED: f32 = 0.2;
 
-/// Running share of contradictions from which they are a property of the light or of the camera, not faults. Where a tenth of all bursts is
-/// false, three of eight bursts contradict once an hour, and twelve of forty never.
+/// Running share of contradicting bursts, 0 to 1, from which contradictions are a property of the light or of the camera, not faults. Where
+/// a tenth of all bursts is false, three of eight bursts contradict once an hour, and twelve of forty never.
 const USUAL: f32 = 0.3;
 
-/// Weight of a burst in the running share of contradictions, and at the start.
+/// Weights in the running share of contradictions: of each later burst, and of the first one.
 const CONTRADICTION: f32 = 1.0 / 32.0;
 const FIRST_CONTRADICTION: f32 = 1.0 / 8.0;
 
-/// Running share of the bursts that contradict.
+/// Running share of the bursts in which two exposures contradict each other.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Contradictions {
     share: f32,
@@ -37,7 +37,7 @@ pub(super) struct Contradictions {
 }
 
 impl Contradictions {
-    /// Adds a burst; returns whether contradictions are usual.
+    /// Adds a burst; returns true if contradictions are usual.
     pub fn add(&mut self, is_contradiction: bool) -> bool {
         let weight = CONTRADICTION.max(1.0 / (FIRST_CONTRADICTION.recip() + self.bursts as f32));
         self.bursts = self.bursts.saturating_add(1);
@@ -50,7 +50,7 @@ impl Contradictions {
     }
 }
 
-/// Running means of one pair of exposures.
+/// Running means of the comparisons of one pair of exposures.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct History {
     bursts: u32,
@@ -58,7 +58,7 @@ pub(super) struct History {
     variance: f32,
     away: f32,
     contradictions: Contradictions,
-    /// Bursts in a row in which the pair could be compared.
+    /// Number of consecutive bursts, up to the last one, in which the pair could be compared.
     compared: u32,
 }
 
@@ -75,7 +75,7 @@ impl History {
         }
     }
 
-    /// Returns the contradiction of a comparison, if it is an unusual one; otherwise adds the comparison to the means.
+    /// Returns the contradiction of the comparison `seen` if it is an unusual one; otherwise adds the comparison to the running means.
     pub fn judge(&mut self, seen: &Comparison) -> Option<FrameFault> {
         let Some(log_ratio) = seen.log_ratio else {
             self.compared = 0;
@@ -93,8 +93,8 @@ impl History {
         unusual
     }
 
-    /// Returns true if a ratio without a contradiction is known or near the stated one. In dark light, a pair may be comparable only in
-    /// bursts with a fault; these are not successive and must not become the known ratio.
+    /// Returns true if `log_ratio`, which is no contradiction, is near the usual ratio or near the stated one. In dark light, a pair may be
+    /// comparable only in bursts with a fault; these bursts are not successive, so that their ratio must not become the usual ratio.
     pub fn is_plausible(&self, log_ratio: f32) -> bool {
         self.bursts >= KNOWN || (log_ratio - self.mean).abs() < DOUBTFUL.ln()
     }

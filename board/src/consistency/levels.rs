@@ -1,77 +1,81 @@
-//! Judges what is too dark for a comparison sample by sample: the sums of rows, against those of the burst before.
+//! Judges the samples of a burst that are too dark for a comparison one by one: the sums of the rows of each frame are compared with those
+//! of the burst before.
 //!
-//! Where the scene changes, the sum of a row changes by one factor in all exposures; in a false frame, it changes by another factor than in the
-//! next exposure. Samples that [`Comparison`](super::compare::Comparison) judges are not part of the sums. A frame whose
-//! neighbours are too dark even for sums is judged by its own change alone: a change of the kind that a false frame shows is in doubt for
-//! one burst.
+//! Where the scene changes, the sum of a row changes by one factor in all exposures; in a false frame, the sum changes by another factor
+//! than in the frame of the next exposure. Samples that [`Comparison`](super::compare::Comparison) judges are not part of the sums. A frame
+//! whose neighbours in exposure are too dark even for sums is judged by its own change alone: if the change is of the kind of a false
+//! frame, the frame is doubtful for one burst.
 
 use super::history::{Contradictions, DEVIATIONS, KNOWN, NEW};
 use super::samples::{ROWS, SATURATED, Sampled};
 use hemilux_core::MAX_EXPOSURES;
 use hemilux_core::wire::FrameFault;
 
-/// Fewest samples of a row that are added up.
+/// Least number of dark samples of a row for a sum.
 const ENOUGH_IN_ROW: u16 = 16;
 
-/// Fewest rows that a judgement rests on.
+/// Least number of measured rows for a judgement of a frame.
 const ENOUGH_ROWS: usize = 4;
 
-/// Least factor of the change of a false frame: all faults change the light of the rows that they reach by more.
+/// Least factor by which the light of a row changes in a false frame: all faults change the light of the rows in which they occur by more.
 const JUMP: f32 = 1.5;
 
-/// Least factor of the change of one row where fewer rows than [`PART_ROWS`] jump: a tear may cross a row.
+/// Least factor of the change of one row if fewer rows than [`PART_ROWS`] jump: a tear may cross a row.
 const FAR_JUMP: f32 = 2.5;
 
-/// Fewest rows of a part of a frame that a moving object seldom fills.
+/// Least number of jumping rows for a jump without the factor [`FAR_JUMP`]: a moving object seldom fills so many rows.
 const PART_ROWS: usize = 3;
 
-/// Factor between the radiances of two exposures up to which a row is measured in both: noise that is cut off at black adds to the darker one.
+/// Largest factor between the radiances of a row in two exposures if the row is measured in both: noise that is cut off at black adds to
+/// the radiance of the darker one.
 const SAME: f32 = 1.25;
 
-/// Relative difference of two exposures that are the same.
+/// Relative difference up to which two exposures are equal.
 const SAME_LIGHT: f64 = 0.01;
 
-/// Factor of the running variance up to which a burst counts: a false frame that is no jump does not hide the next one.
+/// Largest square of the change of a burst that is added to the running variance, as a multiple of the variance: a false frame without a
+/// jump then does not hide the next false frame.
 const OUTLIER: f32 = 8.0;
 
-/// Result for a frame.
+/// Judgement of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Judgement {
-    /// The frame is too dark, or too few bursts are known.
+    /// The frame is too dark, or too few earlier bursts are known.
     Unknown,
-    /// The frame changes as its neighbours do, or has a usual change.
+    /// The light of the frame changes as in the neighbouring exposures, or by a usual change.
     Sound,
-    /// The frame changes otherwise than its neighbours do.
+    /// The light of the frame changes otherwise than in the neighbouring exposures.
     False(FrameFault),
-    /// The frame changes as false frames do, and no other frame is bright enough to tell.
+    /// The light of the frame changes as in a false frame, and no other frame is bright enough for a comparison.
     Doubtful,
 }
 
-/// The frames of a burst.
+/// The frames of a burst, by their index in ascending order of exposure.
 pub(super) struct Seen<'a> {
-    /// Exposure time times gain of each frame.
+    /// Exposure time of each frame times its gain, seconds.
     pub lights: &'a [f64],
-    /// Samples of each frame.
+    /// Samples of each frame on the grid.
     pub sampled: &'a [Sampled],
     /// Indices of the frames that are judged, ascending.
     pub kept: &'a [usize],
 }
 
-/// Samples of the burst before, and the usual changes.
+/// Samples of the frames of the burst before, and the usual changes of rows.
 #[derive(Debug)]
 pub(super) struct Levels {
-    /// Least mean of a row that is measured, relative exposure.
+    /// Least mean relative exposure of the dark samples of a measured row, 0 to 1.
     floor: f32,
-    /// Relative exposure from which single samples are compared.
+    /// Relative exposure from which samples are compared one by one, 0 to 1.
     least: f32,
     before: Vec<Before>,
-    /// Memory for the entries of `before` that are made of the present burst.
+    /// Memory for the entries of `before` that [`Levels::keep`] makes from the present burst.
     next: Vec<Before>,
-    /// Difference of the changes of each frame and the next one, by the index of the shorter exposure.
+    /// Usual difference between the change of each frame and the change of the frame of the next longer exposure, by the index of the
+    /// shorter one.
     apart: [Usual; MAX_EXPOSURES],
-    /// Change of each frame.
+    /// Usual change of each frame, by its index.
     own: [Usual; MAX_EXPOSURES],
-    /// Number of bursts that were compared.
+    /// Number of bursts that were compared with the burst before.
     bursts: u32,
 }
 
@@ -83,17 +87,18 @@ struct Before {
     is_doubted: bool,
 }
 
-/// A frame and its counterpart in the burst before.
+/// A frame of the present burst and the frame of the same exposure in the burst before.
 #[derive(Clone, Copy)]
 struct Known<'a> {
     now: &'a Sampled,
     before: &'a Sampled,
-    /// Exposure now and before.
+    /// Exposure time times gain of the frame of the present burst and of that of the burst before, seconds.
     lights: [f64; 2],
 }
 
 impl Levels {
-    /// `code` is the relative exposure of one code, `least` that from which single samples are compared.
+    /// Creates a judge without an earlier burst. `code` is the relative exposure of one code, `least` the relative exposure from which
+    /// samples are compared one by one.
     pub fn new(code: f32, least: f32) -> Self {
         let (apart, own) = ([Usual::default(); MAX_EXPOSURES], [Usual::default(); MAX_EXPOSURES]);
         let entries = || Vec::with_capacity(MAX_EXPOSURES);
@@ -108,7 +113,7 @@ impl Levels {
         }
     }
 
-    /// Judges the frames of a burst; `agrees` is true for those that a comparison sample by sample confirms.
+    /// Judges the frames of a burst; `agrees` returns true for the frames that a comparison of single samples confirms.
     pub fn judge(&mut self, seen: &Seen<'_>, agrees: impl Fn(usize) -> bool) -> [Judgement; MAX_EXPOSURES] {
         let mut judged = [Judgement::Unknown; MAX_EXPOSURES];
         if self.before.is_empty() {
@@ -127,7 +132,7 @@ impl Levels {
         judged
     }
 
-    /// Judges a frame by its own change.
+    /// Judges the frame `index` by its own change since the burst before.
     fn judge_alone(&mut self, seen: &Seen<'_>, index: usize) -> Judgement {
         let slot = self.counterpart(seen.lights, index);
         let is_doubted = self.before[slot].is_doubted;
@@ -142,7 +147,7 @@ impl Levels {
         }
     }
 
-    /// Whether the exposure of this frame is stated to have changed, and that of no other frame.
+    /// Returns true if the frame `index` is the only one whose stated exposure differs from all exposures of the burst before.
     fn is_alone_in_exposure(&self, lights: &[f64], index: usize) -> bool {
         let is_new =
             |light: &f64| !self.before.iter().any(|before| (before.light / light - 1.0).abs() < SAME_LIGHT);
@@ -151,7 +156,7 @@ impl Levels {
             && lights.iter().filter(|l| is_new(l)).count() == 1
     }
 
-    /// Compares the changes of two frames.
+    /// Compares the changes of two frames of neighbouring exposure and writes the judgements of both to `judged`.
     fn judge_pair(&mut self, seen: &Seen<'_>, pair: [usize; 2], judged: &mut [Judgement; MAX_EXPOSURES]) {
         let rows = self.pair(pair.map(|index| self.known(seen, index)));
         if measured(&rows) < ENOUGH_ROWS {
@@ -177,7 +182,7 @@ impl Levels {
         }
     }
 
-    /// Keeps the frames of a burst for the next one, without those that are `false`.
+    /// Stores the frames of a burst for the comparison with the next burst; for frames that are not sound, the earlier frame stays stored.
     pub fn keep(
         &mut self,
         seen: &Seen<'_>,
@@ -201,7 +206,8 @@ impl Levels {
         std::mem::swap(&mut self.before, &mut self.next);
     }
 
-    /// The position of the same exposure in the burst before; of the nearest one, if that had another number of frames.
+    /// Returns the index of the stored frame of the same exposure; of the nearest exposure if the burst before had another number of
+    /// frames.
     fn counterpart(&self, lights: &[f64], index: usize) -> usize {
         if lights.len() == self.before.len() {
             return index;
@@ -220,7 +226,7 @@ impl Levels {
         }
     }
 
-    /// The changes of each row of a frame and of the next exposure, where both are measured.
+    /// Returns the changes of each row of a frame and of the frame of the next exposure; `None` for rows that are not measured in both.
     fn pair(&self, [short, long]: [Known<'_>; 2]) -> [Option<[Change; 2]>; ROWS] {
         let factor = (short.lights[1] / long.lights[1]) as f32;
         let mut rows = [None; ROWS];
@@ -243,7 +249,7 @@ impl Levels {
         rows
     }
 
-    /// Logarithm of the change of each row of a frame, where it is measured.
+    /// Returns the natural logarithm of the change of each row of a frame; `None` for rows that are not measured.
     fn alone(&self, known: Known<'_>) -> [Option<f32>; ROWS] {
         let mut rows = [None; ROWS];
         for (found, (now, before)) in rows.iter_mut().zip(known.rows()) {
@@ -257,7 +263,7 @@ impl Levels {
 }
 
 impl<'a> Known<'a> {
-    /// Rows of samples, now and before.
+    /// Returns the rows of samples of both frames, present and before.
     fn rows(&self) -> impl Iterator<Item = (&'a [f32], &'a [f32])> + use<'a> {
         self.now.rows().zip(self.before.rows())
     }
@@ -267,7 +273,7 @@ fn measured<T>(rows: &[Option<T>; ROWS]) -> usize {
     rows.iter().flatten().count()
 }
 
-/// Sums of the relative exposures of a row.
+/// Sums of the relative exposures of the dark samples of a row, in the present burst and in the burst before.
 #[derive(Clone, Copy, Default)]
 struct Sums {
     now: f32,
@@ -296,7 +302,7 @@ impl Sums {
     }
 }
 
-/// Logarithm of the change of a row since the burst before, or a bound of it.
+/// Natural logarithm of the factor by which the radiance of a row changed since the burst before, or a bound of it.
 #[derive(Clone, Copy, Debug)]
 struct Change {
     log: f32,
@@ -314,7 +320,7 @@ impl Change {
     }
 }
 
-/// The usual change of rows from burst to burst.
+/// Running statistics of the changes of a frame's rows from burst to burst.
 #[derive(Clone, Copy, Debug, Default)]
 struct Usual {
     bursts: u32,
@@ -342,7 +348,7 @@ impl Usual {
     }
 }
 
-/// Rows at the upper or at the lower edge, or all of them, that become darker, or brighter, at once.
+/// Rows from the upper or the lower edge of a frame on, or all rows, that all become darker, or all brighter.
 #[derive(Clone, Copy, Debug)]
 struct Jump {
     rows: [bool; ROWS],
@@ -367,7 +373,7 @@ impl Jump {
         is_jump.then_some(Self { rows, is_whole: edges == 0 })
     }
 
-    /// Mean size of the changes of the rows that jump.
+    /// Returns the mean absolute value of `changes` over the rows of the jump.
     fn size(&self, changes: &[Option<f32>; ROWS]) -> f32 {
         let sizes = || changes.iter().zip(self.rows).filter_map(|(change, moved)| change.filter(|_| moved));
         sizes().map(f32::abs).sum::<f32>() / sizes().count().max(1) as f32

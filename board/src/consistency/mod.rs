@@ -1,9 +1,9 @@
 //! Detects the frames of a burst that contradict the other frames.
 //!
-//! The radiances of two frames of one scene have the inverse ratio of their exposures. A grid of pixels of each frame is converted to relative
-//! exposure, and frames that are neighbours in exposure are compared. A frame contradicts the burst if all its neighbours contradict it and agree
-//! with each other. The expected ratio of each pair of exposures is the usual one of the earlier bursts, so that flickering light and exposure
-//! times with a constant error are not faults.
+//! The radiances of two frames of one scene have the inverse ratio of their exposures. The samples of a grid of pixels of each frame are
+//! converted to relative exposure, and frames of neighbouring exposures are compared. A frame contradicts its burst if all neighbours of
+//! the frame contradict it and agree with each other. The expected ratio of each pair of exposures is the usual one of the earlier bursts,
+//! so that flickering light and exposure times with a constant error are not faults.
 
 mod compare;
 mod history;
@@ -21,7 +21,8 @@ use history::History;
 use levels::{Judgement, Levels, Seen};
 use samples::{Grid, Sampled};
 
-/// Number of pairs of frames that are compared: each frame with the next one and the second next one.
+/// Largest number of pairs of frames of a burst that are compared: each frame with the frames of the next and of the second next longer
+/// exposure.
 const PAIRS: usize = 2 * MAX_EXPOSURES;
 
 /// Detects contradicting frames in successive bursts of one camera.
@@ -30,14 +31,14 @@ pub struct Inspector {
     grid: Grid,
     frames: Vec<Sampled>,
     scratch: Scratch,
-    /// Statistics of each pair of neighbouring exposures, by the index of the shorter one.
+    /// Running statistics of each pair of neighbouring exposures, by the index of the shorter one.
     history: [History; MAX_EXPOSURES],
-    /// Sums of what is too dark for a comparison.
+    /// Comparison of the row sums of samples that are too dark for a comparison one by one.
     levels: Levels,
     is_uncertain: bool,
 }
 
-/// Indices, in the order of exposures, of a frame and of the frame that it is compared with.
+/// Indices of a frame and of the frame with which it is compared, in ascending order of exposure.
 #[derive(Clone, Copy)]
 struct Pair {
     of: usize,
@@ -45,7 +46,7 @@ struct Pair {
 }
 
 impl Pair {
-    /// Returns the index in [`Verdicts`]; `None` for frames that are not compared.
+    /// Returns the index of the pair in [`Verdicts`]; `None` for frames that are not compared.
     fn index(self) -> Option<usize> {
         let (low, high) = (self.of.min(self.by), self.of.max(self.by));
         (1..=2).contains(&(high - low)).then(|| 2 * low + high - low - 1).filter(|i| *i < PAIRS)
@@ -56,7 +57,7 @@ impl Inspector {
     /// Allocates the memory for bursts of `exposures` frames.
     ///
     /// # Errors
-    /// [`ResponseError`] for a response that is not monotone between the levels.
+    /// [`ResponseError`] for a response of the camera that is not monotone between black and white level.
     pub fn try_new(calibration: &Calibration, exposures: usize) -> Result<Self, ResponseError> {
         let grid = Grid::try_new(calibration)?;
         let mut frames = Vec::with_capacity(MAX_EXPOSURES);
@@ -66,22 +67,22 @@ impl Inspector {
         Ok(Self { grid, frames, scratch, history, levels, is_uncertain: false })
     }
 
-    /// Returns the memory on the heap, bytes.
+    /// Returns the memory of the inspector on the heap, bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
         let frames = self.frames.iter().map(Sampled::bytes).sum::<usize>();
-        // `levels` stores the samples of two more bursts, from the first burst on.
+        // `levels` stores the samples of the frames of two more bursts, from the first burst on.
         self.grid.bytes() + 3 * frames + self.scratch.bytes()
     }
 
-    /// Returns true if the remaining frames of the last burst may be wrong: they contradict each other, or too few samples could be compared
-    /// to identify the wrong frame.
+    /// Returns true if the remaining frames of the last burst may be wrong: they contradict each other, or too few samples of them could be
+    /// compared to identify the wrong frame.
     #[must_use]
     pub fn is_uncertain(&self) -> bool {
         self.is_uncertain
     }
 
-    /// Returns the frames of `burst` that contradict the others; at least one frame remains.
+    /// Returns the frames of `burst` that contradict its other frames; at least one frame remains.
     pub fn inspect(&mut self, burst: &Burst) -> FramesLeftOut {
         let mut left_out = FramesLeftOut::NONE;
         self.is_uncertain = false;
@@ -109,7 +110,8 @@ impl Inspector {
         left_out
     }
 
-    /// Adds to `left_out` the frames of `kept` whose dark samples change as those of false frames, and judges whether the others may be wrong.
+    /// Adds to `left_out` the frames of `kept` whose dark samples change as those of false frames, and determines whether the remaining
+    /// frames may be wrong.
     fn judge_levels(
         &mut self,
         frames: &[Frame],
@@ -137,7 +139,8 @@ impl Inspector {
             count += 1;
         }
         let rest = &indices[..count];
-        // Where most are wrong, it may be the other way round; and so it may be where nothing confirms a frame by which another one is wrong.
+        // If most frames are called wrong, the others may be the wrong ones; so may they be if no comparison confirms a remaining frame
+        // that contradicts a wrong one.
         self.is_uncertain |= 2 * count < frames.len();
         self.is_uncertain |= rest.windows(2).any(|pair| verdicts.differ(pair[0], pair[1]));
         self.is_uncertain |= rest.iter().any(|index| judged[*index] == Judgement::Doubtful);
@@ -148,7 +151,8 @@ impl Inspector {
         self.levels.keep(&seen, is_sound, |index| judged[index] == Judgement::Doubtful);
     }
 
-    /// Compares the neighbours in exposure, and adds what they show to the history; where they do not all agree, frames two apart as well.
+    /// Compares the frames of neighbouring exposures and adds the results to the history; if they do not all agree, also compares the
+    /// frames two places apart.
     fn compare(&mut self, frames: &[Frame]) -> Verdicts {
         let mut verdicts = Verdicts([[Verdict::Unknown; 2]; PAIRS]);
         for apart in [1, 2] {
@@ -176,7 +180,7 @@ impl Inspector {
     }
 }
 
-/// Returns the verdicts of a comparison on the shorter and on the longer exposure.
+/// Returns the verdicts of the comparison `seen` on its shorter and on its longer exposure.
 fn verdict(seen: &Comparison, history: &mut History) -> [Verdict; 2] {
     let shared = match history.judge(seen) {
         Some(fault) => Verdict::Differs(fault),
@@ -189,16 +193,16 @@ fn verdict(seen: &Comparison, history: &mut History) -> [Verdict; 2] {
     seen.level_faults().map(|fault| fault.map_or(shared, Verdict::Is))
 }
 
-/// Result of the comparison of a frame with another frame.
+/// Verdict on a frame from the comparison with another frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Verdict {
-    /// Too few samples can be compared.
+    /// Too few samples of the two frames can be compared.
     Unknown,
-    /// Too few earlier bursts are known to decide whether the ratio is a fault.
+    /// Too few earlier bursts are known to decide whether the ratio of the two frames is a fault.
     Doubtful,
     /// The frames show the same light.
     Agrees,
-    /// One of the two frames is wrong.
+    /// One of the two frames is wrong; the comparison does not show which.
     Differs(FrameFault),
     /// The compared frame itself is wrong.
     Is(FrameFault),
@@ -210,12 +214,12 @@ enum Verdict {
 struct Verdicts([[Verdict; 2]; PAIRS]);
 
 impl Verdicts {
-    /// Returns true if two frames contradict each other or the comparison is doubtful.
+    /// Returns true if the frames `short` and `long` contradict each other or their comparison is doubtful.
     fn differ(&self, short: usize, long: usize) -> bool {
         matches!(self.of(Pair { of: short, by: long }), Verdict::Differs(_) | Verdict::Doubtful)
     }
 
-    /// Whether a frame of `kept` agrees with one of its neighbours there.
+    /// Returns true if the frame `index` agrees with one of its neighbours in `kept`.
     fn agree(&self, index: usize, kept: &[usize]) -> bool {
         let with = |pair: &[usize]| self.of(Pair { of: pair[0], by: pair[1] }) == Verdict::Agrees;
         kept.windows(2).any(|pair| pair.contains(&index) && with(pair))
@@ -233,16 +237,16 @@ impl Verdicts {
     }
 }
 
-/// A frame that contradicts the frames that remain.
+/// A frame that contradicts the other remaining frames of its burst.
 struct Wrong {
-    /// Index among the frames that remained so far.
+    /// Index of the frame in the list of the frames that remained before.
     at: usize,
     fault: FrameFault,
-    /// True if the other frames agree with each other, where they could be compared.
+    /// True if the other remaining frames agree with each other, so far as they can be compared.
     is_certain: bool,
 }
 
-/// Returns a wrong frame of `kept`: its neighbours contradict it, and the remaining frames do not contradict each other.
+/// Returns a wrong frame of `kept`: its neighbours in exposure contradict it, and the other frames do not contradict each other.
 fn worst(kept: &[usize], verdicts: &Verdicts) -> Option<Wrong> {
     let between = |of: usize, by: usize| verdicts.of(Pair { of: kept[of], by: kept[by] });
     let last = kept.len().checked_sub(1)?;
@@ -257,7 +261,7 @@ fn worst(kept: &[usize], verdicts: &Verdicts) -> Option<Wrong> {
             return Some(Wrong { at, fault, is_certain: true });
         }
         let fault = seen().find_map(|v| if let Verdict::Differs(fault) = v { Some(fault) } else { None })?;
-        // Comparisons with the neighbours of the neighbours determine which of two frames is wrong.
+        // The comparison of the next frames on either side determines which of two frames is wrong.
         let others = match (at.checked_sub(1), at < last) {
             (Some(before), true) => Some((at + 1, before)),
             (Some(before), false) => before.checked_sub(1).map(|other| (before, other)),
@@ -278,9 +282,9 @@ fn worst(kept: &[usize], verdicts: &Verdicts) -> Option<Wrong> {
 pub struct LeftOut {
     /// File name of the frame.
     pub file: String,
-    /// Index in ascending order of exposure.
+    /// Index of the frame in its burst, in ascending order of exposure.
     pub index: usize,
-    /// Kind of the contradiction.
+    /// Kind of contradiction between the frame and the other frames of its burst.
     pub fault: FrameFault,
 }
 
@@ -314,10 +318,10 @@ pub fn remove(read: &mut RecordedBurst, found: &FramesLeftOut) -> Vec<LeftOut> {
     left_out
 }
 
-/// Removes the frames that contradict the others from a recorded burst and returns their descriptions.
+/// Removes the frames of the recorded burst `read` that contradict its other frames, and returns their descriptions.
 ///
 /// # Errors
-/// [`ResponseError`] for a response that is not monotone between the levels.
+/// [`ResponseError`] for a response of the camera that is not monotone between black and white level.
 pub fn leave_out(read: &mut RecordedBurst) -> Result<Vec<LeftOut>, ResponseError> {
     let found = Inspector::try_new(&read.calibration, read.burst.frames.len())?.inspect(&read.burst);
     Ok(remove(read, &found))

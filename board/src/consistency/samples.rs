@@ -7,23 +7,23 @@ use hemilux_core::format::Layout;
 use hemilux_core::response::{CURVE_BITS, Curve, curve_len};
 use hemilux_core::{ResponseError, read_luma};
 
-/// Number of rows of the grid.
+/// Number of rows of the grid of compared pixels.
 pub(super) const ROWS: usize = 16;
 
-/// Largest number of pixels in a row of the grid.
+/// Largest number of pixels in a row of the grid of compared pixels.
 const COLUMNS: usize = 64;
 
-/// Number of codes above black from which a sample is compared.
+/// Number of codes above the black level from which a sample is compared.
 const LEAST_CODES: f64 = 8.0;
 
-/// Range of the least relative exposure that is compared.
+/// Bounds of the least relative exposure that is compared ([`Grid::least`]).
 const LEAST: f64 = 1.0 / 128.0;
 const MOST_LEAST: f64 = 1.0 / 32.0;
 
-/// The value that represents a saturated sample.
+/// Value in place of the relative exposure of a saturated sample.
 pub(super) const SATURATED: f32 = 2.0;
 
-/// The positions of the grid, and the conversion of codes to relative exposures.
+/// Positions of the grid's pixels in a frame, and the conversion of codes to relative exposures.
 #[derive(Debug)]
 pub(super) struct Grid {
     layout: Layout,
@@ -31,11 +31,11 @@ pub(super) struct Grid {
     table_len: usize,
     /// Number of pixels in a row of the grid.
     columns: usize,
-    /// Least relative exposure that is compared: below it, quantisation and noise dominate.
+    /// Least relative exposure of a sample that is compared: below it, quantisation and noise dominate.
     pub least: f32,
-    /// Relative exposure of one code.
+    /// Relative exposure of one code above the black level.
     pub code: f32,
-    /// Distance between pixels of the grid, pixels.
+    /// Distance between neighbouring pixels of the grid, pixels of the frame.
     step: usize,
 }
 
@@ -55,7 +55,7 @@ impl Sampled {
         size_of::<f32>() * self.values.len()
     }
 
-    /// Copies samples of the same grid.
+    /// Copies the samples of `other`, which has the same grid.
     pub fn copy_from(&mut self, other: &Self) {
         self.values.copy_from_slice(&other.values);
     }
@@ -75,7 +75,7 @@ impl Grid {
         Ok(Self { layout, curve, least, code, table_len, columns: width.div_ceil(step), step })
     }
 
-    /// Returns the number of samples.
+    /// Returns the number of samples of a frame.
     pub fn len(&self) -> usize {
         ROWS * self.columns
     }
@@ -88,7 +88,7 @@ impl Grid {
         Sampled { values: vec![0.0; self.len()], per_row: self.columns }
     }
 
-    /// Converts the samples of `frame` on the grid.
+    /// Converts the grid's samples of `frame` to relative exposures in `sampled`.
     pub fn sample(&self, frame: &Frame, sampled: &mut Sampled) {
         let height = self.layout.height() as usize;
         let full = (1u32 << CURVE_BITS) as f32;

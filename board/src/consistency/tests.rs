@@ -136,7 +136,7 @@ fn black_frames_of_a_mosaic_are_detected() {
     assert_eq!(faults(&mut inspector, &burst), []);
 }
 
-/// A frame in whose longest exposure hardly a sample reaches 1/128 of the full scale; fractions of codes are dithered.
+/// Returns a frame in whose longest exposure hardly a sample reaches 1/128 of the full scale; fractions of codes are dithered.
 fn dark(stated: f64, actual: f64, scene: impl Fn(usize, usize) -> f64) -> Frame {
     let samples = (0..SIZE).flat_map(|y| (0..SIZE).map(move |x| (y, x))).enumerate();
     let code = |(at, (y, x)): (usize, (usize, usize))| {
@@ -147,12 +147,12 @@ fn dark(stated: f64, actual: f64, scene: impl Fn(usize, usize) -> f64) -> Frame 
     Frame { exposure: Exposure { seconds: stated, gain: 1.0 }, pixels }
 }
 
-/// Radiance of a room without a window.
+/// Returns the radiance of a room without a window at pixel (`x`, `y`).
 fn dim(x: usize, y: usize) -> f64 {
     6.0 + x as f64 / 8.0 + y as f64 / 16.0
 }
 
-/// An inspector that has seen sound bursts of the dim room.
+/// Returns an inspector that has seen sound bursts of the dim room, exposed for `times` seconds.
 fn dark_inspector(times: &[f64]) -> Inspector {
     let mut camera = calibration(Format::Rgb48);
     camera.levels = hemilux_core::Levels { black: 0.0, white: 65_535.0 };
@@ -205,7 +205,7 @@ fn swapped_frames_of_a_dark_scene_make_the_burst_uncertain() {
 fn light_that_changes_in_all_exposures_of_a_dark_scene_is_no_fault() {
     let mut inspector = dark_inspector(&TIMES);
     for (burst, level) in [3.0, 3.0, 0.5, 1.5, 4.0, 1.0].into_iter().enumerate() {
-        // A person of a third of the light covers another half of the lower rows each time.
+        // A person, whose radiance is a third of the room's, covers another half of the lower rows in each burst.
         let covered = move |x: usize, y: usize| y > 40 && (x + 20 * burst) % SIZE < SIZE / 2;
         let scene = move |x: usize, y: usize| dim(x, y) * level * if covered(x, y) { 0.3 } else { 1.0 };
         assert_eq!(faults(&mut inspector, &dark_burst(&TIMES, scene)), [], "burst {burst}");

@@ -1,4 +1,4 @@
-//! Results of the pipeline for a burst: map statistics and the lights of a sampler.
+//! Results of the pipeline for one burst: statistics of the map, and the lights of a sampler.
 
 use super::Times;
 use hemilux_core::mains::Flicker;
@@ -9,35 +9,36 @@ use std::time::Duration;
 /// Results of one processed burst.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Processed<'a> {
-    /// The lights computed from the burst.
+    /// Lights that the pipeline's sampler computed from the burst.
     pub decomposition: Decomposition<'a>,
-    /// The clipped and the unseen share of the burst's light.
+    /// Clipped and unseen shares of the hemisphere in the burst.
     pub seen: Coverage,
-    /// Scalar flux: the sum of radiance times solid angle, in red, green and blue.
+    /// Scalar flux of the map: the sum of radiance times solid angle, in red, green and blue.
     pub scalar_flux: [f32; 3],
-    /// Horizontal irradiance: the sum of radiance times cos(theta) times solid angle, in red, green and blue.
+    /// Horizontal irradiance under the map: the sum of radiance times cos(theta) times solid angle, in red, green and blue.
     pub horizontal_irradiance: [f32; 3],
-    /// The frames that contradict the others and were not merged.
+    /// Frames of the burst that contradict its other frames and were not merged.
     pub frames_left_out: FramesLeftOut,
     /// The modulation by mains lamps that was removed from the map.
     pub flicker: Flicker,
-    /// Duration of each stage.
+    /// Durations of the stages for the burst.
     pub times: Times,
 }
 
-/// The lights of one sampler and its durations.
+/// Lights of one sampler for one burst, and the sampler's durations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sampled<'a> {
-    /// The lights computed by the sampler.
+    /// Lights that the sampler computed.
     pub decomposition: Decomposition<'a>,
-    /// Duration of the sampler without its temporal filters.
+    /// Duration of the sampler for the burst, without its temporal filters.
     pub sample: Duration,
-    /// Duration of the temporal filters.
+    /// Duration of the sampler's temporal filters for the burst.
     pub filter: Duration,
 }
 
 impl Sampled<'_> {
-    /// Returns the durations of `other`, measured on the same frame by another sampler, with `sample` and `filter` of this one.
+    /// Returns the latencies `other` of a set that another sampler made of the same burst, with the durations `sample` and `filter` of this
+    /// sampler.
     #[must_use]
     pub fn latency(&self, other: &Latency) -> Latency {
         let us = |d: Duration| u32::try_from(d.as_micros()).unwrap_or(u32::MAX);
@@ -48,7 +49,7 @@ impl Sampled<'_> {
 }
 
 impl Processed<'_> {
-    /// Returns a light set with the measured values; the fields that identify the frame are those of [`LightSet::EMPTY`].
+    /// Returns a light set with the results of the burst; the fields that identify the frame are those of [`LightSet::EMPTY`].
     #[must_use]
     pub fn light_set(&self) -> LightSet<'_> {
         LightSet {

@@ -1,4 +1,4 @@
-//! Settings of a pipeline, and the errors of their combination.
+//! Settings of a pipeline, and the errors of settings that do not fit a camera.
 
 use crate::samplers::{self, SamplerError, Tuning};
 use hemilux_core::mains::Lamps;
@@ -15,23 +15,23 @@ pub struct Settings {
     pub sampler: SamplerKind,
     /// Largest number of lights of a set.
     pub lights: usize,
-    /// Shadowed error, a ratio, that the light set must reach with as few lights as possible; only the sampler `adaptive` reads it.
+    /// Shadowed error, a ratio, that the light set must reach with the least number of lights; only the sampler `adaptive` reads it.
     pub tolerance: Option<f32>,
     /// True if diffuse light is returned as spherical harmonics; only the sampler `adaptive` reads it.
     pub ambient: bool,
     /// True if the lights are fitted as discs of their radius.
     pub soft: bool,
-    /// Exposures of a burst that are merged.
+    /// Whether all exposures of a burst are merged at each pixel, or only the needed ones.
     pub merge: MergeMode,
     /// Radiance of the part of the hemisphere outside of the lens's field.
     pub extrapolation: Extrapolation,
-    /// Mains lamps whose flicker is removed.
+    /// Frequency of the mains lamps whose flicker is removed.
     pub lamps: Lamps,
     /// Parameters of individual samplers, such as the threshold of `q2tree`.
     pub tuning: Tuning,
     /// HEALPix order of the map; `None` for the order that the number of lights needs.
     pub order: Option<u8>,
-    /// Grid of the polar map.
+    /// Numbers of rows and columns of the polar map.
     pub grid: Grid,
 }
 
@@ -54,7 +54,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Returns the request to the sampler.
+    /// Returns the request of these settings to the sampler.
     #[must_use]
     pub fn request(&self) -> Request {
         Request { lights: self.lights, tolerance: self.tolerance, ambient: self.ambient, soft: self.soft }
@@ -66,7 +66,7 @@ impl Settings {
         self.order.unwrap_or_else(|| samplers::order_for(self.lights))
     }
 
-    /// Returns true if `other` has the same sampler with the same memory; the map may differ.
+    /// Returns true if the settings `other` have the same sampler with the same memory; the map may differ.
     pub(super) fn same_sampler(&self, other: &Self) -> bool {
         let tuning = |s: &Self| s.tuning.of(s.sampler);
         self.sampler == other.sampler && self.lights == other.lights && tuning(self) == tuning(other)
@@ -76,10 +76,10 @@ impl Settings {
 /// Reasons why a pipeline cannot be made or a burst cannot be processed.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum PipelineError {
-    /// The response is invalid.
+    /// The response of the camera is invalid.
     #[error("response: found {0}, expected an ascending curve and a white level above black")]
     Response(ResponseError),
-    /// The exposures cannot be merged.
+    /// The exposures of the burst cannot be merged.
     #[error("exposures: found {0}, expected up to twelve positive times at most 2^24 apart")]
     Merge(MergeError),
     /// The lens does not fit the image.
@@ -88,13 +88,13 @@ pub enum PipelineError {
     /// The source does not support the exposure times.
     #[error("exposures_s: {0}")]
     Exposures(String),
-    /// The sampler does not support the request.
+    /// The sampler does not support the request of the settings.
     #[error(transparent)]
     Sampler(#[from] SamplerError),
     /// The frames do not fit the calibration.
     #[error("burst: found {0}, expected frames that fit the calibration")]
     Burst(BurstError),
-    /// All frames of the first burst of a map are left out.
+    /// All frames of the first burst of a new map are left out.
     #[error(
         "burst: found frames that contradict each other, expected the first burst of a new map to be sound"
     )]

@@ -3,12 +3,12 @@
 use hemilux_core::wire::Latency;
 use std::time::Duration;
 
-/// Duration of each stage.
+/// Duration of each stage of the pipeline for one burst.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Times {
-    /// Duration of merge and map.
+    /// Duration of the front stage: merge and map.
     pub front: Duration,
-    /// Duration of pyramid and polar map.
+    /// Duration of the pyramid stage: pyramid and polar map.
     pub pyramid: Duration,
     /// Duration of the sampler without its temporal filters.
     pub sample: Duration,
@@ -36,7 +36,8 @@ impl Times {
         self.front + self.pyramid + self.sample + self.filter
     }
 
-    /// Returns `front`, `pyramid`, `sample`, `filter` and their sum as `total`, microseconds; the other durations are 0.
+    /// Returns the latencies of a light set with `front`, `pyramid`, `sample`, `filter` and their sum as `total`, microseconds; the other
+    /// latencies are 0.
     #[must_use]
     pub fn latency(&self) -> Latency {
         let us = |d: Duration| u32::try_from(d.as_micros()).unwrap_or(u32::MAX);

@@ -11,7 +11,7 @@ use hemilux_core::mains::Lamps;
 /// A source that changes the bursts of an inner source. Each [`Adapter`] is a [`Source`]; methods that the adapter does not define call those of
 /// the inner source.
 pub trait Adapter: Send {
-    /// Returns the inner source.
+    /// Returns the inner source, whose bursts the adapter changes.
     fn inner(&self) -> &dyn Source;
 
     /// Returns the inner source for changes.
@@ -20,7 +20,7 @@ pub trait Adapter: Send {
     /// Implements [`Source::next`] for the adapter.
     ///
     /// # Errors
-    /// [`SourceError`] of the inner source or of the adapter.
+    /// [`SourceError`] of the inner source, or of the adapter's own change of the burst.
     fn next_burst(&mut self, burst: &mut Burst) -> Result<(), SourceError>;
 
     /// Implements [`Source::calibration`] for the adapter.
@@ -36,7 +36,7 @@ pub trait Adapter: Send {
     /// Implements [`Source::set_exposures`] for the adapter.
     ///
     /// # Errors
-    /// The reason of a refusal; the exposures then stay.
+    /// The reason of a refusal; the exposures are then unchanged.
     fn set_exposures(&mut self, seconds: Option<&[f64]>) -> Result<(), String> {
         self.inner_mut().set_exposures(seconds)
     }

@@ -1,13 +1,13 @@
-//! The sources that clients with the token may use.
+//! The sources to which clients with the token may switch.
 
 use super::Spec;
 use crate::scene::NAMES;
 use std::path::{Path, PathBuf};
 
-/// Largest number of entries of a folder that are read.
+/// Largest number of entries of a library folder that are read.
 const MOST: usize = 500;
 
-/// File extensions of maps.
+/// File extensions of environment maps.
 const MAPS: [&str; 4] = ["exr", "hdr", "pic", "pfm"];
 
 /// The source at the start, the built-in scenes, and the contents of the library folders.
@@ -20,9 +20,9 @@ pub struct Library {
 /// A source of the library and its name for clients.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Choice {
-    /// The name; it contains no folder of the machine.
+    /// The name of the source for clients; it contains no folder of the machine.
     pub name: String,
-    /// The source, as in `--source`.
+    /// The source as the option `--source` describes it.
     pub spec: Spec,
 }
 
@@ -49,7 +49,7 @@ impl Library {
         choices
     }
 
-    /// Returns the source called `name`.
+    /// Returns the source of the library called `name`.
     #[must_use]
     pub fn find(&self, name: &str) -> Option<Choice> {
         self.choices().into_iter().find(|choice| choice.name == name)
@@ -64,7 +64,7 @@ fn listed(folder: &Path) -> Vec<Choice> {
     paths.iter().flat_map(|path| sources(path)).collect()
 }
 
-/// Returns the sources at `path`: a recording, or a map in both views.
+/// Returns the sources at `path`: a recording, or a map once for each view.
 fn sources(path: &Path) -> Vec<Choice> {
     let as_is = |kind: &str, options: &str| {
         let spec: Spec = format!("{kind}:{}{options}", path.to_str()?).parse().ok()?;
@@ -88,7 +88,7 @@ fn is_map(path: &Path) -> bool {
     path.extension().is_some_and(is_known) && path.is_file()
 }
 
-/// Returns true if `wanted` accepts one of the first [`MOST`] entries of a folder.
+/// Returns true if `wanted` accepts one of the first [`MOST`] entries of `folder`.
 fn has(folder: &Path, wanted: fn(&Path) -> bool) -> bool {
     let entries = folder.is_dir().then(|| std::fs::read_dir(folder).ok()).flatten().into_iter().flatten();
     entries.take(MOST).filter_map(Result::ok).any(|entry| wanted(&entry.path()))

@@ -50,7 +50,7 @@ pub trait Source: Send {
     /// source was opened.
     fn calibration(&self) -> &Calibration;
 
-    /// Returns the exposures of the source's bursts, ascending.
+    /// Returns the exposures of the frames of the source's bursts, ascending.
     fn exposures(&self) -> Vec<Exposure>;
 
     /// Returns the photometric factor of the source; `None` if its radiance is relative.
@@ -63,7 +63,7 @@ pub trait Source: Send {
         None
     }
 
-    /// Returns the reason why the exposures cannot be changed; `None` if they can.
+    /// Returns the reason why the exposures of the source cannot be changed; `None` if they can.
     fn fixed_exposures(&self) -> Option<&'static str> {
         Some("the source's exposures are fixed")
     }
@@ -74,7 +74,7 @@ pub trait Source: Send {
         None
     }
 
-    /// Whether the exposures follow the light unless settings fix them.
+    /// Returns true if the exposures follow the light unless settings fix them.
     fn follows_light(&self) -> bool {
         false
     }
@@ -87,13 +87,13 @@ pub trait Source: Send {
     /// Sets the exposure times of the next bursts, seconds, ascending; `None` restores the source's own times.
     ///
     /// # Errors
-    /// The reason of a refusal; the exposures then stay.
+    /// The reason of a refusal; the exposures are then unchanged.
     fn set_exposures(&mut self, _seconds: Option<&[f64]>) -> Result<(), String> {
         Err(format!("found exposures, expected none: {}", self.fixed_exposures().unwrap_or_default()))
     }
 
-    /// Tells the lamps that light the scene. The longest exposure of the source's own and of [`Source::exposure_range`] becomes a whole number
-    /// of their periods, if the exposures can be changed.
+    /// Sets the lamps that light the scene. The longest time of the source's own exposures and of [`Source::exposure_range`] then becomes a
+    /// whole number of periods of the lamps, if the exposures can be changed.
     fn set_lamps(&mut self, _lamps: Lamps) {}
 
     /// Writes the states and counters of the source's camera into `status`; returns false for a source without a camera.
@@ -107,11 +107,11 @@ pub trait Source: Send {
     /// work.
     ///
     /// # Errors
-    /// [`SourceError`]; the next call retries.
+    /// [`SourceError`] if there is no valid burst; the next call tries again.
     fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError>;
 }
 
-/// Reasons for a missing burst.
+/// Reasons why a source returns no burst.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SourceError {
     /// The next burst is not due yet, which is not a fault.
@@ -125,7 +125,7 @@ pub enum SourceError {
     Gone(String),
 }
 
-/// A source with its options, as in `--source`.
+/// A source with its options, as the option `--source` describes it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Spec {
     /// A built-in scene.
@@ -146,10 +146,10 @@ pub enum Spec {
 /// Reasons why a source cannot be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
-    /// The name has an unknown kind of source.
+    /// The kind of the source is unknown.
     #[error("found '{0}', expected v4l2:PATH, pipe:PATH, scene:NAME, env:PATH or replay:DIR")]
     Unknown(String),
-    /// This build does not have the kind of source.
+    /// This build does not support cameras.
     #[error("found '{0}', but this build has no V4L2 support: expected scene:NAME or replay:DIR")]
     NoV4l2(String),
     /// The options of an environment map are invalid.
@@ -169,7 +169,7 @@ pub enum OpenError {
     #[cfg(all(feature = "v4l2", target_os = "linux"))]
     #[error(transparent)]
     Camera(#[from] camera::OpenCameraError),
-    /// The scene does not exist.
+    /// There is no built-in scene of this name.
     #[error("found scene '{0}', expected one of {list}", list = NAMES.join(", "))]
     NoScene(String),
     /// The recording cannot be read.
@@ -205,7 +205,7 @@ impl std::str::FromStr for Spec {
 }
 
 impl Spec {
-    /// Returns the path of the lens file that the options name.
+    /// Returns the path of the lens file in the options of the source, if they have one.
     #[must_use]
     pub fn lens(&self) -> Option<PathBuf> {
         match self {
@@ -236,7 +236,7 @@ impl std::fmt::Display for Spec {
 }
 
 impl Spec {
-    /// Returns the name for clients: for files and folders, the last component of the path, without options.
+    /// Returns the name of the source for clients: for files and folders, the last component of the path, without options.
     #[must_use]
     pub fn public_name(&self) -> String {
         let last = |path: &Path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
@@ -275,7 +275,7 @@ pub fn open(spec: &Spec) -> Result<Box<dyn Source>, OpenError> {
     }
 }
 
-/// Opens a source like [`open`]; an absent camera is waited for in the background.
+/// Opens a source like [`open`], but waits for an absent camera in the background.
 ///
 /// # Errors
 /// [`OpenError`] where the source cannot be opened.

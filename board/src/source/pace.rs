@@ -1,12 +1,12 @@
-//! The times at which bursts are due.
+//! The times at which the bursts of built-in sources are due.
 
 use super::SourceError;
 use std::time::{Duration, Instant};
 
-/// Longest wait in one call of a source: it bounds the delay of a shutdown and of a new setting.
+/// Longest wait in one call of a source, which bounds the delay of a shutdown and of a new setting.
 const LONGEST_WAIT: Duration = Duration::from_millis(250);
 
-/// The rate of bursts.
+/// The rate at which a source delivers bursts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pace {
     /// One burst per period, the contained duration.
@@ -20,12 +20,12 @@ impl Pace {
     pub const TEN_A_SECOND: Self = Self::Every(Duration::from_millis(100));
 }
 
-/// Numbers and due times of bursts at a pace.
+/// Numbers the bursts of a source and waits for the times at which they are due.
 #[derive(Debug)]
 pub(super) struct Beat {
     pace: Pace,
     began: Option<Instant>,
-    /// Number of bursts so far, including the skipped ones.
+    /// Number of bursts so far, including those that were skipped.
     count: u32,
 }
 
@@ -52,7 +52,7 @@ impl Beat {
         Ok(number)
     }
 
-    /// Returns the time of burst `number`, seconds from the start; without a pace, bursts are a tenth of a second apart.
+    /// Returns the time of burst `number`, seconds from the start; without a period, bursts are a tenth of a second apart.
     pub fn moment(&self, number: u32) -> f32 {
         let period = if let Pace::Every(period) = self.pace { period.as_secs_f64() } else { 0.1 };
         (f64::from(number) * period) as f32
@@ -62,7 +62,7 @@ impl Beat {
 /// Waits for the time `due`, at most a quarter of a second.
 ///
 /// # Errors
-/// [`SourceError::NotYet`] if the time has not come by then.
+/// [`SourceError::NotYet`] if `due` is more than a quarter of a second away.
 pub(super) fn wait_for(due: Instant) -> Result<(), SourceError> {
     let wait = due.saturating_duration_since(Instant::now());
     std::thread::sleep(wait.min(LONGEST_WAIT));

@@ -6,14 +6,14 @@ use crate::recorded::{Photometric, radiometry};
 
 /// A source whose photometric calibration converts radiance to candela per square metre.
 ///
-/// The calibration applies while response, levels, scale, white balance and vignetting of the source are those of its measurement; otherwise
-/// radiance is relative, and a warning is logged.
+/// The photometric calibration applies while response, levels, scale, white balance and vignetting of the source are those with which it
+/// was measured; otherwise radiance is relative, and a warning is logged.
 pub struct PhotometricSource {
     inner: Box<dyn Source>,
     photometric: Photometric,
-    /// The calibration of the source `inner`.
+    /// The calibration that the source `inner` returns.
     own: Calibration,
-    /// `own` with the photometric factor in its scale, where the factor applies.
+    /// The calibration `own` with the photometric factor in its scale, where the factor applies.
     calibration: Calibration,
     applies: bool,
 }

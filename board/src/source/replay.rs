@@ -1,4 +1,4 @@
-//! A recording, repeated at its own pace.
+//! A recording as a source, repeated at its own pace.
 //!
 //! The whole recording is read when it is opened, so that playing it neither reads files nor allocates memory.
 
@@ -22,9 +22,9 @@ pub struct ReplaySource {
     bursts: Vec<Burst>,
     /// Notes about the frames that were left out of their bursts.
     notes: Vec<String>,
-    /// Time from each burst to the next; the last element is the time to the first burst.
+    /// Time from each burst to the next; the last element is the time from the last burst to the first.
     intervals: Vec<Duration>,
-    /// Time of the shortest exposure of each burst, nanoseconds.
+    /// Time of the shortest exposure of each burst, nanoseconds from any origin.
     phases: Vec<u64>,
     at: usize,
     due: Option<Instant>,
@@ -83,13 +83,13 @@ impl ReplaySource {
         })
     }
 
-    /// Returns the number of bursts.
+    /// Returns the number of bursts of the recording.
     #[must_use]
     pub fn len(&self) -> usize {
         self.bursts.len()
     }
 
-    /// Returns true if there are no bursts, which [`ReplaySource::open`] refuses.
+    /// Returns true if the recording has no bursts, which [`ReplaySource::open`] refuses.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.bursts.is_empty()
@@ -173,7 +173,7 @@ fn phases(bursts: &[Burst], intervals: &[Duration]) -> Vec<u64> {
     played.collect()
 }
 
-/// Copies frames; after the first call, the memory of `to` is reused.
+/// Copies the frames `from` to `to`, whose memory is reused from the second call on.
 fn copy_frames(from: &[Frame], to: &mut Vec<Frame>) {
     to.truncate(from.len());
     to.reserve(from.len() - to.len());

@@ -22,7 +22,7 @@ const ROW: usize = 3 * WIDTH;
 const FOCAL: f64 = 196.4;
 const CENTRE: (f64, f64) = (319.5, 239.5);
 
-/// The exposure times of [Nikodym2012], seconds.
+/// The exposure times of the bursts of [Nikodym2012], seconds.
 pub(super) const SECONDS: [f64; 3] = [0.000_926, 0.005_555, 0.033_333];
 
 /// Range of exposure times of the simulated sensor at 30 frames a second.
@@ -41,16 +41,16 @@ pub struct SceneSource {
     still: Vec<f32>,
     row: Vec<f32>,
     sensor: Sensor,
-    /// Codes per unit of radiance, for each exposure.
+    /// Codes per unit of radiance, for each exposure of the burst.
     gains: Vec<f32>,
     lamps: Lamps,
-    /// Whether [`Source::set_exposures`] has replaced the exposures of the source.
+    /// True if [`Source::set_exposures`] has replaced the exposures of the source.
     is_set: bool,
     beat: Beat,
 }
 
 impl SceneSource {
-    /// Renders the static field of `scene`.
+    /// Creates the source of `scene` and renders the static field of the scene.
     #[must_use]
     pub fn new(scene: Scene, pace: Pace) -> Self {
         let calibration = calibration();
@@ -138,7 +138,7 @@ fn exposure(seconds: &f64) -> Exposure {
     Exposure { seconds: *seconds, gain: 1.0 }
 }
 
-/// Returns the codes per unit of radiance for an exposure of `seconds`.
+/// Returns the codes per unit of radiance in an exposure of `seconds`.
 fn gain(seconds: &f64) -> f32 {
     Sensor::gain(*seconds, FULL, SECONDS[0])
 }
@@ -175,16 +175,16 @@ pub(super) fn calibration() -> Calibration {
     calibration
 }
 
-/// Returns the direction of pixel `index` as a unit vector; zero outside of the lens circle.
+/// Returns the direction of the pixel with the index `index` as a unit vector; zero outside of the lens circle.
 fn direction(lens: &Lens, index: usize) -> [f32; 3] {
     let pixel = DVec2::new((index % WIDTH) as f64, (index / WIDTH) as f64);
     lens.unproject(pixel).map_or([0.0; 3], |d| d.as_vec3().to_array())
 }
 
-/// Returns a range of image rows that contains all pixels of `patch`.
+/// Returns a range of image rows that contains all pixels that show `patch`.
 ///
-/// An equidistant lens stretches by theta / sin(theta) across, so no point of a cap of radius a round theta lies farther than
-/// f a (theta + a) / sin(theta + a) from its middle.
+/// An equidistant lens stretches by theta / sin(theta) across, so no point of a cap of radius a round theta lies farther from the image of
+/// the cap's middle than f a (theta + a) / sin(theta + a).
 fn rows(patch: &Patch) -> Range<usize> {
     let [x, y, z] = patch.direction.map(f64::from);
     let (across, radius) = (x.hypot(y), f64::from(patch.radius));
@@ -199,7 +199,7 @@ fn rows(patch: &Patch) -> Range<usize> {
     row(middle - reach)..row(middle + reach + 1.0)
 }
 
-/// Adds `patch` in front of one row of radiances.
+/// Paints `patch` over one row of radiances, whose pixels have the directions `directions`.
 fn paint(patch: &Patch, directions: &[[f32; 3]], row: &mut [f32]) {
     let reach = patch.radius.cos();
     for (pixel, d) in row.chunks_exact_mut(3).zip(directions) {

@@ -2,14 +2,14 @@
 
 use hemilux_core::Levels;
 
-/// Black level and code of a full well: noise at the black level stays above code 0, so that its mean has no bias.
+/// Black level and code of a full well: the black level is so high that noise around it stays above code 0 and its mean has no bias.
 const BLACK: f32 = 8.0;
 const WHITE: f32 = 255.0;
 
-/// Read noise, codes RMS: it hides the steps between codes.
+/// Read noise of the sensor, codes RMS: it hides the steps between codes.
 const READ_NOISE: f32 = 0.6;
 
-/// Electrons per code: a full well has about 10,000 electrons.
+/// Number of electrons per code: a full well has about 10,000 electrons.
 const ELECTRONS: f32 = 40.0;
 
 /// Number of entries of the noise table; each image row begins at a pseudo-random entry.
@@ -27,18 +27,18 @@ impl Sensor {
         Self { noise: noise() }
     }
 
-    /// Returns the black and the white level.
+    /// Returns the black and the white level of the simulated sensor.
     pub fn levels() -> Levels {
         Levels { black: f64::from(BLACK), white: f64::from(WHITE) }
     }
 
-    /// Returns the codes per unit of radiance for an exposure of `seconds`, if a radiance of `full` saturates an exposure of `shortest`
-    /// seconds.
+    /// Returns the codes per unit of radiance for an exposure of `seconds`, if a radiance of `full` saturates a pixel in an exposure of
+    /// `shortest` seconds.
     pub fn gain(seconds: f64, full: f64, shortest: f64) -> f32 {
         (f64::from(WHITE - BLACK) * seconds / (full * shortest)) as f32
     }
 
-    /// Exposes one row of at most 4096 samples; equal seeds give equal noise.
+    /// Exposes one row of at most 4096 samples with the given radiance; equal seeds give equal noise.
     pub fn expose(&self, radiance: &[f32], gain: f32, seed: u32, codes: &mut [u8]) {
         let at = scramble(seed) as usize % NOISE.saturating_sub(radiance.len()).max(1);
         for ((code, l), n) in codes.iter_mut().zip(radiance).zip(&self.noise[at..]) {

@@ -1,35 +1,37 @@
-//! The exposure that a texel takes: the longest of those that are not clipped and agree with the newest frame.
+//! The choice of the exposure whose energy a texel has in the map: the longest of those that are not clipped and agree with the newest
+//! frame.
 //!
-//! Frames are visited from the newest to the oldest. An older frame is used as long as its luminance differs from that of the frames
-//! used so far by no more than noise; the first that differs shows another moment, and ends the search. Longer exposures have less
-//! noise, so that shorter ones are taken only where longer ones are clipped or outdated.
+//! Frames are visited from the newest to the oldest. An older frame can be chosen as long as the texel's luminance in it differs from that
+//! of the frame chosen so far by no more than noise; the first frame that differs shows another moment, and ends the search. Longer
+//! exposures have less noise, so that a shorter one is chosen only where longer ones are clipped or outdated.
 //!
-//! Light that longer exposures cannot measure is followed by the shorter ones alone: if a lamp moves between a short and a long
-//! exposure, the long one is dark where the lamp was and clipped where it is. The lamp then keeps its place until the next short
-//! exposure, so that it is neither lost nor shown twice.
+//! Light that longer exposures cannot measure is followed by the shorter exposures alone: if a lamp moves between a short and a long
+//! exposure, the long exposure is dark at the lamp's old position and clipped at its new one. In the map, the lamp then keeps its old
+//! position until the next short exposure, so that it is neither lost nor present twice.
 
 use crate::front::Mark;
 use crate::merge::MAX_EXPOSURES;
 use bytemuck::{Pod, Zeroable};
 
-/// Relative difference that response, vignetting and exposure times explain. Above it, slow drifts of light are missed until they exceed it;
-/// below it, the errors of a usual calibration look like motion.
+/// Relative difference between the luminances of a texel in two exposures that errors of response, vignetting and exposure times explain.
+/// With a larger value, slow drifts of light are missed until they exceed it; with a smaller one, the errors of a usual calibration count
+/// as motion.
 const TOLERANCE: f32 = 1.0 / 16.0;
 
 /// Noise of a dark pixel, relative to full scale: read noise, quantisation and the rounding of equal codes of 8 bits.
 const DARK_NOISE: f32 = 1.0 / 400.0;
 
-/// Variance of the photon noise at full scale, relative to its square: a full well of 10,000 electrons.
+/// Variance of the photon noise of a pixel at full scale, relative to the square of full scale: a full well of 10,000 electrons.
 const PHOTON_NOISE: f32 = 1e-4;
 
-/// Standard deviations that noise explains: of 30,000 texels, less than one differs by more than that in a still scene.
+/// Number of standard deviations of a difference that noise explains: in a still scene, less than one of 30,000 texels differs by more.
 const DEVIATIONS: f32 = 5.0;
 
-/// Marks of a texel in all exposures.
+/// Properties of a texel in all exposures of a window, one bit for each exposure.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Marks {
-    /// One bit per exposure.
+    /// Bit of each exposure: set if a pixel of the texel has a code that would be saturated in the next longer exposure.
     bright: u16,
     clipped: u16,
 }
@@ -49,22 +51,22 @@ impl Marks {
     }
 }
 
-/// Luminance in one exposure.
+/// Luminance of a pixel at two codes of one exposure.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Level {
-    /// Radiance of full scale.
+    /// Luminance of a pixel at full scale.
     pub(super) full: f32,
-    /// Radiance below which the response is not trusted.
+    /// Luminance of a pixel below which the response is not trusted.
     pub(super) dark: f32,
 }
 
-/// The frames of a window, from the newest to the oldest.
+/// The exposures of a window in the order of their newest frames, from the newest to the oldest.
 #[derive(Clone, Debug)]
 pub(super) struct Frames {
     by_age: [usize; MAX_EXPOSURES],
     count: usize,
     levels: [Level; MAX_EXPOSURES],
-    /// Mean weight of a pixel, steradians.
+    /// Mean weight of a pixel, its share of the solid angle, steradians.
     pixel: f32,
 }
 
@@ -73,7 +75,7 @@ impl Frames {
         Self { by_age: [0; MAX_EXPOSURES], count: 0, levels, pixel }
     }
 
-    /// Number of exposures of which there is a frame.
+    /// Returns the number of exposures of which there is a frame.
     pub(super) fn count(&self) -> usize {
         self.count
     }
@@ -82,7 +84,7 @@ impl Frames {
         self.by_age[0]
     }
 
-    /// Makes the frame of exposure `index` the newest one.
+    /// Makes the frame of exposure `index` the newest frame.
     pub(super) fn push(&mut self, index: usize) {
         let known = self.by_age.iter().take(self.count).position(|own| *own == index);
         let at = known.unwrap_or(self.count);
@@ -95,7 +97,8 @@ impl Frames {
         self.by_age[0] = index;
     }
 
-    /// The exposure that a texel with these `energies` per exposure takes; `weight` is the sum of the weights of its pixels.
+    /// Returns the index of the exposure whose energy a texel has in the map. `energies` are the texel's energies by exposure; `weight` is
+    /// the sum of the weights of its pixels, steradians.
     #[inline]
     pub(super) fn choose(&self, energies: &[[f32; 4]], marks: Marks, weight: f32) -> usize {
         let mut chosen: Option<(usize, f32)> = None;
@@ -119,13 +122,14 @@ impl Frames {
         chosen.map_or(self.newest(), |(index, _)| index)
     }
 
-    /// Whether the luminance energies of two exposures differ by no more than noise.
+    /// Returns true if the luminance energies of a texel in two exposures, each given with the index of its exposure, differ by no more
+    /// than noise.
     #[inline]
     fn agree(&self, [(a, own), (b, other)]: [(usize, f32); 2], weight: f32) -> bool {
         let shorter = self.levels.get(a.min(b)).copied().unwrap_or_default();
         let most = own.max(other);
         let excess = (own - other).abs() - TOLERANCE * most - shorter.dark * weight;
-        // Of the two, the shorter exposure has nearly all of the noise.
+        // Nearly all noise of the difference is that of the shorter exposure.
         let full = shorter.full;
         let variance = self.pixel * full * (DARK_NOISE * DARK_NOISE * full * weight + PHOTON_NOISE * most);
         excess <= 0.0 || excess * excess <= DEVIATIONS * DEVIATIONS * variance

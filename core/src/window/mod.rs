@@ -1,7 +1,8 @@
-//! The sliding window: after every frame, a map of the newest frame of each exposure.
+//! The sliding window: after every frame of a camera, a map from the newest frame of each exposure.
 //!
-//! The window keeps the energy of each texel in each exposure. A new frame costs its own unpacking and addition, and one choice per
-//! texel; the frames before it are not read again. Each texel takes the energy of one exposure: see module `choice`.
+//! The window stores the energy of each texel in each exposure. For a new frame, only this frame is unpacked and added to the texels, and
+//! one exposure is chosen for each texel; the earlier frames are not read again. In the map, each texel has its energy in one exposure: see
+//! module `choice`.
 
 mod choice;
 
@@ -23,10 +24,10 @@ use crate::sizes;
 use crate::stages::Stages;
 use choice::{Frames, Level, Marks};
 
-/// A frame that replaces the one of the same exposure.
+/// A new frame, which replaces the window's frame of the same exposure.
 #[derive(Clone, Copy, Debug)]
 pub struct NewFrame<'a> {
-    /// Index of the exposure.
+    /// Index of the frame's exposure in the list of exposures of the window, ascending.
     pub index: usize,
     /// Samples of the frame.
     pub samples: Samples<'a>,
@@ -49,7 +50,7 @@ pub struct NewFrame<'a> {
 ///     front.slide(&mut window, NewFrame { index, samples: samples.as_slice().into() }, || {})?;
 /// }
 /// let bright = front.map().total().y();
-/// // Half of the light, in the longer exposure alone.
+/// // Half of the light, in the frame of the longer exposure alone.
 /// let samples = [25u8; 32 * 32];
 /// front.slide(&mut window, NewFrame { index: 1, samples: samples.as_slice().into() }, || {})?;
 /// assert!((front.map().total().y() / bright - 25.0 / 51.0).abs() < 1e-3);
@@ -66,27 +67,27 @@ struct State {
     exposures: [Option<Single>; MAX_EXPOSURES],
     frames: Frames,
     sizes: WindowSizes,
-    /// Statistics of the newest frame of the shortest exposure.
+    /// Clipped and unseen shares of the newest frame of the shortest exposure.
     coverage: Coverage,
 }
 
-/// One exposure, merged by itself.
+/// Tables for the merge of one exposure without the others.
 #[derive(Clone, Debug)]
 struct Single {
     merge: Detached,
     limits: Limits,
 }
 
-/// Number of elements of each buffer of a window.
+/// Number of elements of each buffer in the memory of a window.
 #[derive(Clone, Copy, Debug)]
 struct WindowSizes {
     exposures: usize,
     texels: usize,
-    /// Entries of the exposure tables, per exposure.
+    /// Number of entries of the merge tables of one exposure.
     tables: usize,
 }
 
-/// Reciprocals of a merge of one exposure: one for each subset.
+/// Number of reciprocals in the merge of one exposure: one for each subset of the exposures.
 const RECIPROCALS: usize = 2;
 
 impl WindowSizes {
@@ -97,9 +98,9 @@ impl WindowSizes {
     }
 }
 
-/// The buffers in lent memory.
+/// The buffers of a window in lent memory.
 struct Buffers<'m> {
-    /// Red, green, blue and luminance energy; those of all exposures of a texel are adjacent.
+    /// Red, green, blue and luminance energy of each texel in each exposure; the energies of a texel are adjacent.
     energies: &'m mut [[f32; 4]],
     /// Sum of the weights of the pixels of each texel, steradians.
     weights: &'m mut [f32],
@@ -122,7 +123,7 @@ impl<'m> Buffers<'m> {
     }
 }
 
-/// Number of 64-bit words of a window of `exposures`.
+/// Returns the number of 64-bit words of memory that a window of `exposures` needs.
 pub(crate) fn words(stages: &Stages<'_>, exposures: &[Exposure]) -> Result<usize, MergeError> {
     Ok(window_sizes(stages, exposures)?.words())
 }
@@ -138,7 +139,7 @@ fn window_sizes(stages: &Stages<'_>, exposures: &[Exposure]) -> Result<WindowSiz
 }
 
 impl<W: Buffer<u64>> Window<W> {
-    /// The window of [`FrontEnd::window`](crate::FrontEnd::window).
+    /// Creates the window that [`FrontEnd::window`](crate::FrontEnd::window) returns.
     pub(crate) fn try_new(
         calibration: &Calibration,
         stages: &Stages<'_>,
@@ -149,19 +150,19 @@ impl<W: Buffer<u64>> Window<W> {
         Ok(Self { state, memory })
     }
 
-    /// Whether there is a frame of each exposure.
+    /// Returns true if there is a frame of each exposure of the window.
     #[must_use]
     pub fn is_complete(&self) -> bool {
         self.state.frames.count() == self.state.sizes.exposures
     }
 
-    /// Bytes of the lent memory that are in use.
+    /// Returns the number of bytes of the lent memory that are in use.
     #[must_use]
     pub fn bytes(&self) -> usize {
         8 * self.state.sizes.words()
     }
 
-    /// First stage of a frame: adds the light of each pixel to its texel.
+    /// First stage for a new frame: adds the light of each pixel to the sum of its texel.
     pub(crate) fn add_up(
         &mut self,
         frame: NewFrame<'_>,
@@ -184,7 +185,7 @@ impl<W: Buffer<u64>> Window<W> {
         Ok(excluded)
     }
 
-    /// Second stage of a frame: chooses an exposure for each texel and builds the map.
+    /// Second stage for a new frame: chooses an exposure for each texel and builds the map.
     pub(crate) fn finish(
         &mut self,
         excluded: &Excluded,
@@ -214,7 +215,7 @@ impl State {
         let (mut tables, mut reciprocals) =
             (tables.chunks_mut(sizes.tables.max(1)), reciprocals.chunks_mut(RECIPROCALS));
         for (index, (single, own)) in singles.iter_mut().zip(exposures).enumerate() {
-            // The shortest exposure gives a lower bound where it is saturated.
+            // The shortest exposure contributes a lower bound of the radiance of pixels in which it is saturated.
             let response = if index == 0 { curve } else { curve.unsaturated() };
             let (tables, reciprocals) =
                 (tables.next().unwrap_or_default(), reciprocals.next().unwrap_or_default());
@@ -229,7 +230,7 @@ impl State {
         Ok(Self { exposures: singles, frames, sizes, coverage: Coverage::default() })
     }
 
-    /// The merge of exposure `index` alone.
+    /// Returns the merge of exposure `index` without the others; `None` if the window has no such exposure.
     fn merge<'m>(
         &'m self,
         index: usize,
@@ -285,7 +286,7 @@ impl State {
     }
 }
 
-/// Sums the weights of the pixels of each texel, steradians.
+/// Writes the sum of the weights of the pixels of each texel to `weights`, steradians.
 fn weigh(pixel_table: &PixelTableView<'_>, weights: &mut [f32]) {
     weights.fill(0.0);
     for (run, weight) in pixel_table.runs.iter().zip(pixel_table.weights) {
@@ -295,13 +296,13 @@ fn weigh(pixel_table: &PixelTableView<'_>, weights: &mut [f32]) {
     }
 }
 
-/// Mean weight of a pixel, steradians.
+/// Returns the mean weight of a pixel, steradians.
 fn mean_weight(pixel_table: &PixelTableView<'_>) -> f32 {
     let pixels: f64 = pixel_table.spans.iter().map(|span| f64::from(span.len)).sum();
     (pixel_table.weight_sum as f64 * pixel_table.weight_unit / pixels.max(1.0)) as f32
 }
 
-/// The limits of exposure `index`.
+/// Returns the codes of exposure `index` from which a pixel counts as bright and as clipped.
 fn limits(merge: &MergeView<'_>, exposures: &[Exposure], index: usize) -> Limits {
     let (curve, light) = (merge.curve(), |e: &Exposure| e.seconds * e.gain);
     let saturated = curve.saturated();
@@ -316,7 +317,7 @@ fn limits(merge: &MergeView<'_>, exposures: &[Exposure], index: usize) -> Limits
     Limits { bright, clipped: if index == 0 { u32::MAX } else { saturated }, saturated }
 }
 
-/// Luminance of full scale in `exposure`, and of the codes that are not trusted.
+/// Returns the luminance of a pixel of `exposure` at full scale and at the least trusted code.
 fn level(calibration: &Calibration, stages: &Stages<'_>, exposure: &Exposure) -> Level {
     let full = f64::from(luminance(calibration.white_balance)) * calibration.scale;
     let full = full / (exposure.seconds * exposure.gain);

@@ -29,7 +29,8 @@ const DARKEST: f64 = 1.0 / 500.0;
 /// Code of the sun in the shortest exposure at the brightest moment, divided by the largest code.
 const BRIGHTEST: f32 = 0.8;
 
-/// Relative light and number of the bursts that the camera has returned, shared with the judge of the sets.
+/// Relative light of the newest burst and number of the bursts that the camera has returned; the camera and the judge of the sets share
+/// both.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Daylight {
     /// Bits of an `f64`: the radiance in the newest burst divided by the radiance at the brightest moment.

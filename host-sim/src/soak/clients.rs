@@ -14,13 +14,13 @@ use std::thread::{JoinHandle, sleep};
 use std::time::{Duration, Instant};
 use ureq::Agent;
 
-/// Timeout of a reply.
+/// Longest wait of a client for a reply.
 const TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Number of requests or received sets after which a client closes its connection.
 const REQUESTS_PER_CONNECTION: u32 = 500;
 
-/// Largest size of a reply, bytes.
+/// Largest size of a reply that a client reads, bytes.
 const MAX_REPLY_BYTES: u64 = 16 << 20;
 
 /// Paths of light sets in different forms, requested in rotation.

@@ -12,26 +12,26 @@ use std::sync::Arc;
 /// Largest relative difference between the flux of a set and the flux of its burst; beyond it the set counts as wrong.
 const WRONG: f64 = 0.04;
 
-/// Number of bursts after a fault within which a set of all frames must follow.
+/// Number of bursts after a fault within which a set of all frames must follow for the fault to count as recovered.
 const RECOVERY: u64 = 2;
 
-/// Largest share of the flux that may be missing from a set without a temporal filter.
+/// Largest share of the flux of a map that may be missing from the set of a sampler without a temporal filter.
 const LOST: f32 = 2e-3;
 
 /// Number of wrong sets that the report describes.
 const DESCRIBED: usize = 20;
 
-/// Number of faults of one kind.
+/// Numbers of recovered and unrecovered faults of one kind.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct FaultOutcome {
     pub seen: u64,
     /// Number of faults that a set of all frames followed within [`RECOVERY`] bursts.
     pub recovered: u64,
-    /// Number of the other faults.
+    /// Number of faults of the kind that no set of all frames followed within [`RECOVERY`] bursts.
     pub unrecovered: u64,
 }
 
-/// Counts of the sets and of the faults.
+/// Counts of the sets and faults of a soak test.
 #[derive(Debug, Default)]
 pub(super) struct Outcome {
     /// Number of published sets.
@@ -51,18 +51,18 @@ pub(super) struct Outcome {
     pub words: Vec<String>,
 }
 
-/// Compares the sets with the light of their bursts.
+/// Compares the published sets of a soak test with the light of their bursts.
 pub(super) struct SetJudge {
-    /// Flux at the brightest moment without and with extrapolation.
+    /// Flux of a set at the brightest moment, without and with extrapolation.
     flux: [f64; 2],
     daylight: Daylight,
     tally: Arc<Tally>,
     counts: Arc<FaultCounts>,
     /// Flux of the newest set that does not repeat the lights of an earlier burst.
     merged: f64,
-    /// Name of the last fault.
+    /// Name of the kind of the last fault.
     last: &'static str,
-    /// Number of faults that no set of all frames has followed so far, by kind.
+    /// Number of faults of each kind that no set of all frames has followed so far.
     pending: [u64; Fault::ALL.len()],
     /// Number of bursts since the last fault.
     since: u64,

@@ -35,15 +35,15 @@ const WARM: u64 = 10;
 /// Parameters of a soak test.
 #[derive(Clone, Debug)]
 pub struct SoakJob {
-    /// Number of bursts.
+    /// Number of bursts that the test processes at least.
     pub frames: u64,
-    /// Faults of the source.
+    /// Faults that the test injects into the source.
     pub faults: FaultSpec,
-    /// Least number of replies; further bursts are processed until the clients have received as many.
+    /// Least number of replies to clients; the test processes further bursts until the clients have received as many.
     pub replies: u64,
 }
 
-/// Returns the flux at the brightest moment without and with extrapolation, computed from a burst without faults.
+/// Returns the flux of a set at the brightest moment without and with extrapolation, computed from a burst without faults.
 fn brightest() -> Result<[f64; 2], SimError> {
     let mut camera = camera(2)?;
     let mut burst = hemilux::calibration::Burst::default();
@@ -94,7 +94,7 @@ pub fn run(job: &SoakJob) -> Result<SoakReport, SimError> {
         let is_ok = worker.step().is_ok();
         let taken = daylight.bursts();
         if taken == bursts {
-            // The device is gone.
+            // The device is gone for the duration of a fault.
             std::thread::sleep(RETRY);
             continue;
         }
@@ -111,7 +111,7 @@ pub fn run(job: &SoakJob) -> Result<SoakReport, SimError> {
     }
     let (resident_kb, took) = (report::resident_kb(), began.elapsed());
     tally.over.store(true, Ordering::Relaxed);
-    // Further sets unblock the clients that wait for one.
+    // Further sets end the waits of the clients.
     while threads.iter().any(|thread| !thread.is_finished())
         && began.elapsed() < took + Duration::from_secs(20)
     {

@@ -14,10 +14,11 @@ use std::time::Duration;
 /// the first use of each kind of reply and setting in short runs.
 const GROWTH: (f64, u64) = (0.01, 4096);
 
-/// Largest growth of the number of open descriptors that does not count as a leak: connections that the server has not closed yet.
+/// Largest growth of the number of open file descriptors of the process that does not count as a leak: connections that the server has not
+/// closed yet.
 const DESCRIPTORS: usize = 2;
 
-/// Longest allowed time from a request to its reply.
+/// Longest permitted time from a client's request to its reply.
 const WORST: Duration = Duration::from_secs(5);
 
 /// Results of a soak test; `Display` formats them as a table.
@@ -25,7 +26,7 @@ pub struct SoakReport {
     pub(super) bursts: u64,
     pub(super) outcome: Outcome,
     pub(super) quality: QualityStatus,
-    /// Number of settings that clients changed, and number of all settings.
+    /// Number of settings that clients changed, and number of all settings of the probe.
     pub(super) settings: [usize; 2],
     /// Resident memory after a tenth of the run, at its end, and its maximum, kB.
     pub(super) memory_kb: [u64; 3],

@@ -19,7 +19,7 @@ const SAME: f32 = 1e-5;
 
 /// Counters of all clients, and the fluxes of the published sets.
 pub(super) struct Tally {
-    /// Whether the clients must end.
+    /// True if the clients must end.
     pub over: AtomicBool,
     pub replies: AtomicU64,
     pub checked: AtomicU64,
@@ -89,7 +89,7 @@ impl Tally {
         lock(&self.changed).len()
     }
 
-    /// Counts an error and stores its description; after the end of the run errors do not count.
+    /// Counts an error of a client and stores its description; after the end of the run errors do not count.
     pub fn error(&self, what: String) {
         // The server stops before the last clients end.
         if self.over.load(Ordering::Relaxed) {
@@ -102,7 +102,7 @@ impl Tally {
         }
     }
 
-    /// Counts a comparison; it is an error unless `holds`.
+    /// Counts a comparison of a client; the comparison counts as an error with the description `what` unless `holds`.
     pub fn require(&self, holds: bool, what: impl FnOnce() -> String) {
         self.checked.fetch_add(1, Ordering::Relaxed);
         if !holds {
@@ -110,7 +110,7 @@ impl Tally {
         }
     }
 
-    /// Returns the descriptions of the first errors.
+    /// Returns the descriptions of the first errors of the clients.
     pub fn words(&self) -> Vec<String> {
         lock(&self.words).clone()
     }

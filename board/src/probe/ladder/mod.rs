@@ -19,56 +19,56 @@ use std::time::Duration;
 /// Number of consecutive frames over the budget before the first step down.
 const PATIENCE: u32 = 3;
 
-/// Share of the budget that the predicted cost of a richer level may reach.
+/// Share of the budget, 0 to 1, that the predicted cost of a better level may reach for a step up.
 const ROOM: f32 = 0.8;
 
 /// Least time from a step to the next one up.
 const HOLD: Duration = Duration::from_secs(10);
 
-/// Least time from a step to the next one up after the first failed trial; it doubles with each further failure.
+/// Least time from a step of the quality to the next step up after the first failed trial; it doubles with each further failure.
 const HOLD_AFTER_FAILURE: Duration = Duration::from_secs(150);
 
-/// Longest time from a step to the next one up.
+/// Longest hold time from a step of the quality to the next step up.
 const LONGEST_HOLD: Duration = Duration::from_secs(3600);
 
 /// Duration of a trial: a step up has failed if a step down follows within this time.
 const TRIAL: Duration = Duration::from_secs(60);
 
-/// Interval at which a stored cost ratio moves towards 1, and the factor of its distance from 1: a ratio that was measured under a load of other
-/// programs decays.
+/// Interval at which a stored cost ratio moves towards 1, and the factor by which its distance from 1 shrinks: a ratio that was measured
+/// under a load of other programs decays.
 const FORGET: (Duration, f32) = (Duration::from_secs(60), 0.9);
 
-/// Number of frames after a step down within which one frame over the budget suffices for the next step.
+/// Number of frames after a step down within which one frame over the budget suffices for the next step down.
 const DESCENT: u32 = 3;
 
-/// Weight of the newest frame in the smoothed cost, 0 to 1.
+/// Weight of the newest frame in the smoothed cost of a level, 0 to 1.
 const NEWEST: f32 = 0.2;
 
-/// The duration of one frame.
+/// The time that one frame took, and its budget.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameTime {
-    /// Time from the end of the burst to the finished set, microseconds.
+    /// Time from the end of the burst to the finished light set, microseconds.
     pub us: u32,
-    /// Time budget at the full rate, microseconds.
+    /// Time budget of a frame at the full rate, microseconds.
     pub budget_us: u32,
-    /// Time since the start of the probe.
+    /// Time from the start of the probe to the finished light set.
     pub now: Duration,
 }
 
-/// The level of the quality, and the measured costs of the levels.
+/// The present level of the quality, and the measured costs of all levels.
 #[derive(Clone, Debug)]
 pub struct Ladder {
     levels: Vec<Quality>,
     level: usize,
-    /// Cost of each level divided by the cost of the next poorer level, when it was left last.
+    /// Cost of each level divided by the cost of the next poorer level, as measured when the level was left last.
     ratios: Vec<f32>,
-    /// Smoothed cost of the present level, microseconds; 0 before the level's first frame.
+    /// Smoothed time of a frame at the present level, microseconds; 0 before the level's first frame.
     cost_us: f32,
-    /// Cost of the richer level that the last step left, microseconds; `None` once the ratio is measured.
+    /// Cost of the better level that the last step left, microseconds; `None` once the ratio of the costs is measured.
     left_us: Option<f32>,
     /// Number of consecutive frames over the budget.
     misses: u32,
-    /// Number of frames since the last step.
+    /// Number of frames since the last step of the quality.
     frames: u32,
     stepped_at: Duration,
     forgot_at: Duration,
@@ -101,13 +101,13 @@ impl Ladder {
         }
     }
 
-    /// Returns to full quality with other settings; the counts of steps stay.
+    /// Returns to the full quality of other settings; the counts of steps stay.
     pub fn reset(&mut self, settings: &Settings, exposures: usize) {
         let (down, up) = (self.down, self.up);
         *self = Self { down, up, ..Self::new(settings, exposures) };
     }
 
-    /// Returns the number of exposures per burst that the levels are made for.
+    /// Returns the number of exposures per burst for which the levels are made.
     #[must_use]
     pub fn exposures(&self) -> usize {
         self.levels[0].exposures
@@ -119,7 +119,7 @@ impl Ladder {
         &self.levels[self.level]
     }
 
-    /// Returns the numbers of steps down and up since the start.
+    /// Returns the numbers of steps down and of steps up since the start of the probe.
     #[must_use]
     pub fn steps(&self) -> [u64; 2] {
         [self.down, self.up]

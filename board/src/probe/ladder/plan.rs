@@ -11,18 +11,18 @@ const LEAST_EXPOSURES: usize = 2;
 /// Least number of lights of a degraded set, unless the sampler requires more.
 const LEAST_LIGHTS: usize = 8;
 
-/// Number of steps of the rate: every second, fourth, eighth burst.
+/// Number of steps by which the rate can be lowered: to every second, fourth and eighth burst.
 const RATES: usize = 3;
 
 /// Largest number of steps of all kinds together.
 pub(super) const MOST: usize = 15;
 
-/// Quality of the frames at a level.
+/// Quality at which frames are processed at a level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Quality {
     /// The kinds of steps taken from the full quality.
     pub steps: Degraded,
-    /// Number of exposures to merge, which include the shortest and the longest.
+    /// Number of exposures of a burst to merge, among them the shortest and the longest.
     pub exposures: usize,
     /// HEALPix order of the map.
     pub order: u8,
@@ -39,7 +39,7 @@ impl Quality {
         Self { steps: Degraded::NONE, exposures, order, lights, every: 1 }
     }
 
-    /// Returns the quality one `step` lower; `None` if the settings do not allow the step.
+    /// Returns the quality that is one `step` lower; `None` if the settings do not permit the step.
     fn lower(self, step: Step, settings: &Settings) -> Option<Self> {
         let mut lower = self;
         lower.steps.add(step);
@@ -59,20 +59,19 @@ impl Quality {
         is_less.then_some(lower)
     }
 
-    /// Returns the time budget of a processed burst, microseconds: that of `budget_us` for each of the bursts from one processed burst to the
-    /// next.
+    /// Returns the time budget of a processed burst, microseconds: `budget_us` for each of the bursts from one processed burst to the next.
     #[must_use]
     pub fn budget_us(&self, budget_us: u32) -> u32 {
         budget_us.saturating_mul(self.every)
     }
 
-    /// Returns true if burst number `burst` is processed.
+    /// Returns true if the burst of number `burst`, counted from the start, is processed at this quality.
     #[must_use]
     pub fn reads(&self, burst: u32) -> bool {
         burst.is_multiple_of(self.every)
     }
 
-    /// Returns the settings of the pipeline at this quality; `full` has those of the full quality.
+    /// Returns the settings of the pipeline at this quality; `full` is the settings of the full quality.
     #[must_use]
     pub fn settings(&self, full: &Settings) -> Settings {
         if self.steps.is_none() {

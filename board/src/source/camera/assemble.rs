@@ -1,28 +1,29 @@
-//! Groups frames to bursts: the newest frame of each exposure, when there is one frame of each.
+//! Groups the frames of a camera to bursts: the newest frame of each exposure, as soon as there is one frame of each.
 
 use crate::v4l2::frame::RawFrame;
 
-/// Largest number of rounds of all exposures between the oldest and the newest frame of a burst: usually one, and two after a lost frame. Older
-/// frames may show another scene.
+/// Largest number of rounds of all exposures between the oldest and the newest frame of a burst: usually one, and two after a lost frame.
+/// Frames that are further apart may show different scenes.
 const ROUNDS: u32 = 2;
 
-/// Collects frames until they are a burst.
+/// Collects the frames of a camera until there is one of each exposure.
 #[derive(Debug, Default)]
 pub(super) struct Assembler {
     frames: Vec<RawFrame>,
-    /// For each exposure, true if there is a frame since the last burst.
+    /// True for each exposure of which there is a frame since the last burst.
     there: Vec<bool>,
 }
 
 impl Assembler {
-    /// Starts again with `slots` exposures.
+    /// Removes all frames and continues with bursts of `slots` exposures.
     pub fn reset(&mut self, slots: usize) {
         self.frames.resize_with(slots, RawFrame::default);
         self.there.clear();
         self.there.resize(slots, false);
     }
 
-    /// Exchanges `frame` with the stored frame of its exposure; returns true when there is a new frame of each exposure.
+    /// Exchanges `frame` with the stored frame of its exposure; returns true when there is a new frame of each exposure, which completes a
+    /// burst.
     pub fn push(&mut self, frame: &mut RawFrame) -> bool {
         let Some(slot) = frame.taken.slot.filter(|s| *s < self.frames.len()) else { return false };
         let newest = frame.taken.sequence;

@@ -1,4 +1,4 @@
-//! The capture thread: fetches frames, assembles bursts and reports the reason when there are none.
+//! The capture thread of a camera: fetches frames, assembles bursts and reports the reason when there are none.
 
 use super::assemble::Assembler;
 use super::shared::{RawBurst, Request, Shared};
@@ -11,10 +11,11 @@ use crate::v4l2::supervise::{Outcome, Supervisor};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-/// Number of rounds of all exposures without a burst after which the reason is reported: three seconds at 30 Hz with three exposures.
+/// Number of rounds of all exposures without a burst after which the thread reports the reason: three seconds at 30 Hz with three
+/// exposures.
 const MOST_ROUNDS: u64 = 30;
 
-/// Fetches frames until `shared.stop`; `burst` is the memory of the first burst.
+/// Fetches frames and assembles bursts until `shared.stop`; `burst` is the memory of the first burst.
 pub(super) fn run(supervisor: Supervisor, burst: RawBurst, shared: &Shared) {
     let terms = Arc::clone(&burst.terms);
     let mut capture = Capture {
@@ -36,11 +37,11 @@ pub(super) fn run(supervisor: Supervisor, burst: RawBurst, shared: &Shared) {
     }
 }
 
-/// Number of frames since the last burst, by kind.
+/// Number of frames since the last burst that made no burst, by kind.
 #[derive(Clone, Copy, Debug, Default)]
 struct Unused {
     complete: u64,
-    /// Counts of broken frames at the last burst.
+    /// Counts of broken frames at the time of the last burst.
     broken: Broken,
     reported: bool,
 }
@@ -56,10 +57,10 @@ struct Capture<'a> {
     /// Numbers of delay corrections and of measured exposures that have been logged.
     resyncs: u64,
     changes: u64,
-    /// Number of requests for other exposures.
+    /// Number of the last request for other exposures that the thread has taken.
     requests: u64,
     unused: Unused,
-    /// Counters of the streams that have ended.
+    /// Sums of the counters of all streams that have ended.
     past: Counters,
 }
 
@@ -89,7 +90,7 @@ impl Capture<'_> {
         self.report_useless();
     }
 
-    /// Changes the exposures as requested; returns the failure of the camera.
+    /// Sets the exposures that were requested last; returns the failure of the camera, if it fails.
     fn follow_request(&mut self) -> Option<Outcome> {
         let Request { number, seconds } = self.shared.lock().request.take()?;
         self.requests = number;
@@ -101,7 +102,7 @@ impl Capture<'_> {
         failure
     }
 
-    /// Adopts the terms of a camera that has started.
+    /// Adopts the negotiated terms of a camera that has started to stream.
     fn begin(&mut self) {
         let Some(camera) = self.supervisor.camera() else { return };
         (self.streaming, self.unused, self.changes) = (true, Unused::default(), 0);
@@ -117,7 +118,7 @@ impl Capture<'_> {
         self.shared.lock().down = None;
     }
 
-    /// Replaces the exposures of the next bursts by the measured ones.
+    /// Replaces the exposure times of the next bursts by the measured ones.
     fn take_over_exposures(&mut self) {
         let Some(camera) = self.supervisor.camera() else { return };
         if camera.exposure_changes() == self.changes {
@@ -135,7 +136,7 @@ impl Capture<'_> {
         );
     }
 
-    /// Returns the counters of the frames since the source was opened.
+    /// Returns the counters of all frames since the source was opened.
     fn counters(&self) -> Counters {
         self.supervisor.camera().map(Camera::counters).unwrap_or_default()
     }
@@ -165,7 +166,7 @@ impl Capture<'_> {
         self.unused = Unused { broken: counters.broken, ..Unused::default() };
     }
 
-    /// Reports once the reason why many frames made no burst.
+    /// Reports once the reason why many successive frames made no burst.
     fn report_useless(&mut self) {
         let Some(camera) = self.supervisor.camera() else { return };
         let broken = camera.counters().broken.since(&self.unused.broken);
@@ -185,7 +186,7 @@ impl Capture<'_> {
     }
 }
 
-/// Writes the state of `camera` after `burst` to `status`, reusing its memory.
+/// Writes the state of `camera` after `burst` to `status`, reusing the memory of `status`.
 fn describe(status: &mut CameraStatus, camera: &Camera, burst: &RawBurst, counters: &Counters) {
     status.exposures.clear();
     let settings = camera.settings().iter().zip(&burst.terms.seconds).zip(&burst.frames);

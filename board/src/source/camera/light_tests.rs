@@ -6,10 +6,10 @@ use crate::probe::{Config, Link, Worker};
 use crate::v4l2::fake::{FakeKernel, Script};
 use std::time::Instant;
 
-/// The response of the scripted camera as a lens file tells it.
+/// The response of the scripted camera, as a lens file states it.
 const LINEAR: &str = "[response]\nmodel = \"linear\"\n";
 
-/// A probe with the scripted camera.
+/// A probe that reads the scripted camera.
 struct Bench {
     kernel: FakeKernel,
     worker: Worker,
@@ -18,7 +18,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// A camera with `options`, whose lens file ends with `response`.
+    /// Creates a probe that reads a camera with `options`, whose lens file ends with `response`.
     fn new(options: &str, response: &str, config: Config) -> Self {
         let lens = tempfile::NamedTempFile::new().expect("a file");
         let text = format!(
@@ -35,8 +35,8 @@ impl Bench {
         Self { kernel, worker, link, _lens: lens }
     }
 
-    /// Makes `sets` light sets. Returns the lists of exposures that their bursts had, milliseconds, each once per change, and the clipped
-    /// share of the last.
+    /// Makes `sets` light sets. Returns the exposure times of their bursts, milliseconds, one list for each change, and the clipped
+    /// fraction of the last set's light.
     fn run(&mut self, sets: u64) -> (Vec<Vec<f64>>, f32) {
         let frame = |link: &Link| link.sets().latest().map_or(0, |set| set.frame);
         let (end, began) = (frame(&self.link) + sets, Instant::now());
@@ -54,7 +54,7 @@ impl Bench {
     }
 }
 
-/// On paper: 3 periods of 100 Hz are 30 ms, and 4 of 120 Hz are 33.3 ms.
+/// By hand: 3 periods of 100 Hz are 30 ms, and 4 periods of 120 Hz are 33.3 ms.
 #[test]
 fn the_longest_exposure_is_a_whole_number_of_mains_periods_unless_exposures_are_named() {
     let longest = |options: &str, lamps| {

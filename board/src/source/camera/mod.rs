@@ -1,5 +1,5 @@
-//! A camera as a source: a thread fetches its frames and keeps the newest complete burst, so that slow processing neither changes the exposures
-//! nor queues frames.
+//! A camera as a source: a thread fetches the camera's frames and keeps the newest complete burst, so that slow processing neither changes
+//! the exposures nor queues frames.
 
 mod assemble;
 mod capture;
@@ -35,13 +35,13 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// Longest wait for a burst in one call of [`Source::next`].
+/// Longest wait for a burst of the camera in one call of [`Source::next`].
 const WAIT: Duration = Duration::from_millis(250);
 
 /// Reasons why a camera cannot be a source.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenCameraError {
-    /// The options are invalid.
+    /// The options of the camera are invalid.
     #[error("{0}")]
     Options(String),
     /// The lens file cannot be read.
@@ -50,7 +50,7 @@ pub enum OpenCameraError {
     /// The camera cannot be opened.
     #[error(transparent)]
     Camera(#[from] CameraError),
-    /// The operating system cannot start a thread.
+    /// The operating system cannot start the capture thread.
     #[error("the capture thread: found {0}, expected it to start")]
     Thread(std::io::Error),
 }
@@ -61,16 +61,16 @@ pub struct CameraSource {
     calibration: Calibration,
     lens: Option<LensFile>,
     raw: RawBurst,
-    /// The exposures of the options, seconds.
+    /// Exposure times in the options, seconds.
     own_s: Vec<f64>,
-    /// Whether the options name exposures.
+    /// True if the options name exposure times.
     is_named: bool,
-    /// Whether the options say that the exposures follow the light.
+    /// True if the options state that the exposures follow the light.
     is_auto: bool,
     lamps: Lamps,
-    /// Whether [`Source::set_exposures`] has replaced the exposures of the options.
+    /// True if [`Source::set_exposures`] has replaced the exposure times of the options.
     is_set: bool,
-    /// The newest request for exposures.
+    /// The newest request for exposure times to the capture thread.
     request: Request,
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
@@ -137,8 +137,8 @@ impl CameraSource {
         Ok(Self { calibration, lens, raw, own_s, is_named, is_auto, lamps, is_set, request, shared, thread })
     }
 
-    /// The exposures without a setting, seconds: those that the options name, or the usual ones, of which the longest is a whole number of
-    /// periods of the lamps.
+    /// Returns the exposure times without a setting, seconds: those that the options name, or the usual ones, of which the longest is a
+    /// whole number of periods of the lamps.
     fn own_exposures(&self) -> Vec<f64> {
         let mut seconds = self.own_s.clone();
         if let Some(longest) = seconds.last_mut().filter(|_| !self.is_named) {
@@ -147,7 +147,7 @@ impl CameraSource {
         seconds
     }
 
-    /// Requests exposures from the capture thread, unless they are those that were requested last.
+    /// Requests exposure times, seconds, from the capture thread, unless they are those that were requested last.
     fn request(&mut self, seconds: Vec<f64>) {
         if self.terms().range.is_some() && self.request.seconds != seconds {
             self.request = Request { number: self.request.number + 1, seconds };
@@ -161,13 +161,13 @@ impl CameraSource {
         &self.raw.terms
     }
 
-    /// Returns the lens file, if one is given.
+    /// Returns the lens file of the camera, if one is given.
     #[must_use]
     pub fn lens(&self) -> Option<&LensFile> {
         self.lens.as_ref()
     }
 
-    /// Returns the counters of frames and the number of times that the camera was opened again.
+    /// Returns the counters of the camera's frames, and the number of times that the camera was opened again.
     #[must_use]
     pub fn counters(&self) -> (Counters, u64) {
         let state = self.shared.lock();
@@ -210,8 +210,8 @@ impl Source for CameraSource {
         self.terms().range.is_none().then_some("the camera has no control that sets an exposure time")
     }
 
-    /// `None` also while bursts of exposures from before the last request may come, and while neither the control delay is known nor an
-    /// exposure was verified.
+    /// Returns the range of exposure times; `None` also while bursts with exposures from before the last request may come, and while
+    /// neither the control delay is known nor an exposure was verified.
     fn exposure_range(&self) -> Option<TimeRange> {
         let is_pending = self.terms().requests != self.request.number;
         let is_sure = {
@@ -222,8 +222,8 @@ impl Source for CameraSource {
         range.map(|range| range.of_whole_periods(self.lamps))
     }
 
-    /// As the options say; without `exposures=`, where the response is known: that of a sensor, or of the lens file. With another response,
-    /// radiances would depend on the exposures from which they are measured.
+    /// Returns what the options state; without `exposures=`, true where the response is known: that of a sensor, or of the lens file. With
+    /// another response, radiances would depend on the exposures from which they are measured.
     fn follows_light(&self) -> bool {
         let is_told = self.lens.as_ref().is_some_and(|lens| lens.told_response().is_some());
         self.is_auto || (!self.is_named && (is_told || self.terms().picture.is_raw()))

@@ -9,9 +9,9 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 /// A burst in the packing of the driver.
 #[derive(Clone, Debug)]
 pub struct RawBurst {
-    /// One frame for each exposure, ascending.
+    /// One frame for each exposure, ascending by exposure time.
     pub frames: Vec<RawFrame>,
-    /// The negotiated terms of the camera.
+    /// The negotiated terms of the camera that took the burst.
     pub terms: Arc<Terms>,
 }
 
@@ -20,8 +20,8 @@ impl RawBurst {
         Self { frames: Vec::new(), terms: Arc::clone(terms) }
     }
 
-    /// Returns a CLOCK_MONOTONIC time before the first exposure began, nanoseconds: drivers take a frame's timestamp at its start or on its
-    /// arrival, at most a period and its exposure time later.
+    /// Returns a CLOCK_MONOTONIC time before the first exposure of the burst began, nanoseconds: drivers take a frame's timestamp at the
+    /// frame's start or on its arrival, at most a frame period and the exposure time later.
     #[must_use]
     pub fn before_ns(&self) -> u64 {
         let began = |(frame, s): (&RawFrame, &f64)| {
@@ -37,19 +37,19 @@ impl RawBurst {
         frames.min_by(|a, b| a.1.total_cmp(b.1)).map_or(0, |(frame, _)| frame.taken.timestamp_ns)
     }
 
-    /// Returns the CLOCK_MONOTONIC timestamp of the newest frame, nanoseconds.
+    /// Returns the CLOCK_MONOTONIC timestamp of the newest frame of the burst, nanoseconds.
     #[must_use]
     pub fn timestamp_ns(&self) -> u64 {
         self.frames.iter().map(|f| f.taken.timestamp_ns).max().unwrap_or(0)
     }
 }
 
-/// A request for other exposures.
+/// A request for other exposure times.
 #[derive(Clone, Debug)]
 pub(super) struct Request {
     /// Number of the request, from 1; 0 for the exposures with which the camera is opened.
     pub number: u64,
-    /// Exposure times, seconds, ascending.
+    /// Requested exposure times, seconds, ascending.
     pub seconds: Vec<f64>,
 }
 
@@ -58,17 +58,17 @@ pub(super) struct Request {
 pub(super) struct CaptureState {
     pub burst: RawBurst,
     pub fresh: bool,
-    /// The reason for missing frames; `None` while frames arrive.
+    /// The reason why no frames arrive; `None` while frames arrive.
     pub down: Option<String>,
     /// Counters of the frames since the source was opened.
     pub counters: Counters,
     pub reopened: u64,
     pub status: CameraStatus,
-    /// The newest request that the capture thread has not taken.
+    /// The newest request for exposure times that the capture thread has not taken.
     pub request: Option<Request>,
 }
 
-/// The newest burst, its condition variable and the request to stop.
+/// The state that the capture thread and the source share, its condition variable and the request to stop.
 #[derive(Debug)]
 pub(super) struct Shared {
     pub state: Mutex<CaptureState>,

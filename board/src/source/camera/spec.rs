@@ -8,16 +8,16 @@ use hemilux_core::MAX_EXPOSURES;
 use std::fmt;
 use std::path::PathBuf;
 
-/// Options of a camera for the help text.
+/// Options of a camera source for the help text.
 pub const HELP: &str = "\
 A CSI camera is v4l2:NAME with the beginning of its sensor's name, v4l2:/dev/mediaN or a node that is linked to its sensor. Camera options, after the path: ,lens=FILE (a [lens] table; default: 180 degrees across the picture), ,size=640x480 (default: that of the lens file, or the mode that covers a known sensor),
 ,format=YUYV, ,rate=30 (default: 28, which suits lamps on the mains, where the driver has it), ,exposures=0.0009/0.0055/0.0333 (seconds; or auto: they follow the light, as they do without the option where the response is known), ,sensor=imx219 (the beginning of a sensor's name, or its sub-device), ,delay=2 (frames; default: measured),
 ,stand-in=Brightness:64/128/192 (for test benches: a control that replaces the exposure).";
 
-/// The text of a camera's path and options, checked.
+/// The path and options of a camera source as text that was checked.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CameraSpec {
-    /// The text behind `v4l2:`.
+    /// The text behind `v4l2:`, as written.
     text: String,
 }
 
@@ -31,19 +31,19 @@ impl CameraSpec {
         spec.options().map(|_| spec.clone())
     }
 
-    /// Returns the path of the lens file.
+    /// Returns the path of the lens file in the options, if they have one.
     #[must_use]
     pub fn lens(&self) -> Option<PathBuf> {
         self.pairs().find(|(name, _)| *name == "lens").map(|(_, value)| value.into())
     }
 
-    /// Returns the path or name of the device.
+    /// Returns the path or name of the camera's device.
     #[must_use]
     pub fn path(&self) -> PathBuf {
         self.text.split(',').next().unwrap_or_default().into()
     }
 
-    /// Returns true if the option `name` is given.
+    /// Returns true if the options contain the option `name`.
     pub(super) fn names(&self, name: &str) -> bool {
         self.pairs().any(|(given, _)| given == name)
     }

@@ -21,22 +21,22 @@ const USUAL_RANGE: TimeRange = TimeRange { shortest_s: 1e-4, longest_s: 0.0333, 
 pub struct Terms {
     /// Size and pixel format of the frames.
     pub picture: Picture,
-    /// Relative code of black, where the sensor is known; 0 otherwise.
+    /// Relative code of black, 0 to 1, where the sensor is known; 0 otherwise.
     pub black: f64,
     /// Frame interval, nanoseconds.
     pub period_ns: u64,
-    /// The exposure times, seconds, ascending.
+    /// The exposure times of a burst, seconds, ascending.
     pub seconds: Vec<f64>,
     /// The part of the sensor that pictures cover, where it is known.
     pub view: Option<View>,
-    /// Times that the exposure control takes; `None` if the exposures cannot be set.
+    /// Range of exposure times that the exposure control accepts; `None` if the exposures cannot be set.
     pub range: Option<TimeRange>,
-    /// Number of requests for other exposures that were made before.
+    /// Number of requests for other exposure times that were made before these terms.
     pub requests: u64,
 }
 
 impl Terms {
-    /// Returns the terms of an open camera after `requests` for other exposures.
+    /// Returns the terms of an open camera after `requests` requests for other exposure times.
     pub(super) fn of(camera: &Camera, requests: u64) -> Self {
         Self {
             picture: *camera.picture(),
@@ -56,7 +56,7 @@ impl Terms {
         let fourcc = wished.unwrap_or(u32::from_le_bytes(*b"YUYV"));
         let Size { width, height } = options.size;
         let format = formats::format(fourcc, yuv).unwrap_or(Format::Grey);
-        // The camera will round or refuse an odd or very large size.
+        // The camera will round or refuse the size if it is odd or very large.
         let layout = Layout::tight(format, width, height);
         let layout =
             layout.or_else(|_| Layout::tight(format, 640, 480)).expect("640 x 480 suits all formats");
@@ -72,7 +72,7 @@ impl Terms {
         }
     }
 
-    /// Returns the calibration of the lens file. Values that it does not contain follow from the pixel format: raw frames are linear,
+    /// Returns the calibration of the lens file. Values that the file does not contain follow from the pixel format: raw frames are linear,
     /// processed frames are taken to have the sRGB curve.
     pub(in crate::source) fn calibration(&self, lens: Option<&LensFile>) -> Calibration {
         let (picture, layout) = (&self.picture, &self.picture.layout);
@@ -91,7 +91,7 @@ impl Terms {
 }
 
 impl Terms {
-    /// Returns the lens of the camera's frames: the lens of the file, converted if the frames cover another part of the sensor.
+    /// Returns the lens of the camera's frames: that of the file, converted if the frames cover another part of the sensor.
     fn lens_of(&self, file: &LensFile) -> Lens {
         let converted =
             file.shown.zip(self.view).and_then(|(from, to)| from.convert(&file.lens, &to.shown()));
@@ -99,12 +99,12 @@ impl Terms {
     }
 }
 
-/// Returns the lens for pictures that are scaled down by `shrink`, a power of two.
+/// Returns `lens` for pictures that are scaled down by `shrink`, a power of two.
 fn shrunk(lens: Lens, shrink: u32) -> Lens {
     (0..shrink.ilog2()).fold(lens, |lens, _| lens.halved())
 }
 
-/// Returns the lens that is assumed before calibration: an equidistant fisheye of 180 degrees across the shorter side of the picture.
+/// Returns the lens that is assumed without a lens file: an equidistant fisheye of 180 degrees across the shorter side of the picture.
 fn assumed_lens(layout: &Layout) -> Lens {
     let (width, height) = (f64::from(layout.width()), f64::from(layout.height()));
     let mut vignetting = [0.0; 8];

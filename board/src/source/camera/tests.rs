@@ -85,7 +85,7 @@ fn the_status_has_verified_and_measured_exposures_and_frame_counts() {
     assert!(20 * coarse.known.verified < coarse.known.measured, "{coarse:?}");
 }
 
-/// Modes of imx219 from its driver: the lens file is of the full view, the pictures are of a small mode.
+/// The modes are those of the driver of imx219: the lens file is of the full view, the pictures are of a small mode.
 #[test]
 fn a_lens_file_with_a_crop_is_converted_to_the_mode_or_refused() {
     let file = tempfile::NamedTempFile::new().expect("a file");
@@ -239,8 +239,8 @@ fn a_live_camera_is_fresh_and_a_failed_one_stale_with_any_timestamps() {
     }
 }
 
-/// Sets of one simulated minute, or of `HEMILUX_CAMERA_SECONDS` simulated seconds, with a probability of 1 % for every fault at each frame and a
-/// disconnection every minute: each set has the light of the scene, which is constant.
+/// The test makes the sets of one simulated minute, or of `HEMILUX_CAMERA_SECONDS` simulated seconds, with a probability of 1 % for every
+/// fault at each frame and a disconnection every minute: each set has the light of the scene, which is constant.
 #[test]
 fn faults_at_every_hundredth_frame_make_no_wrong_set_and_leak_no_memory() {
     let seconds = std::env::var("HEMILUX_CAMERA_SECONDS").ok().and_then(|s| s.parse().ok()).unwrap_or(60u64);
@@ -285,7 +285,7 @@ fn faults_at_every_hundredth_frame_make_no_wrong_set_and_leak_no_memory() {
     let each =
         [broken.flagged, broken.empty, broken.short, broken.repeated, status.0.lost, status.0.failed_writes];
     assert!(each.iter().all(|count| *count > seconds / 10), "each fault happened: {status:?}");
-    // Measured in the long run alone, which has a process of its own: other tests allocate memory too.
+    // Memory is measured in the long run alone, which has a process of its own: other tests allocate memory too.
     if seconds >= 3600 {
         let (before, after) = (resident[resident.len() / 3], resident[resident.len() - 1]);
         assert!(after <= before + 1024, "{before} then {after} kB");
@@ -363,7 +363,7 @@ fn a_burst_is_moved_and_not_copied_on_its_way_to_the_merge() {
     assert_eq!((merged(&burst), buffers(&raw)), (second, first), "and the old memory goes back");
 }
 
-/// Computed by hand: frames are 40 ms apart and have the time of their arrival.
+/// Computed by hand: the frames are 40 ms apart, and their timestamp is the time of their arrival.
 #[test]
 fn the_earliest_start_of_a_burst_is_a_period_and_an_exposure_before_its_timestamp() {
     let mut terms = Terms::assumed(&Options::of("/dev/video0"));

@@ -22,10 +22,10 @@ use raster::Raster;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
-/// Largest number of texels of a map: 8192 x 4096, 400 MB while it is read.
+/// Largest accepted number of texels of a map: 8192 x 4096, 400 MB while the map is read.
 const MAX_TEXELS: u64 = 1 << 25;
 
-/// File extensions of maps.
+/// File extensions of environment maps.
 const ENDS: [&str; 4] = ["exr", "hdr", "pic", "pfm"];
 
 /// Width and height of the image of [`View::Whole`], pixels.
@@ -34,17 +34,18 @@ const WHOLE_SIDE: u32 = 512;
 /// Code of a saturated pixel in [`View::Whole`], 16 bits.
 const WHOLE_WHITE: f64 = 65_535.0;
 
-/// The longest exposure time of both cameras, seconds.
+/// The longest exposure time of the cameras of both views, seconds.
 const LONGEST: f64 = 0.033_333;
 
-/// Ratio of the radiance that saturates a pixel in the shortest exposure to the radiance of the brightest pixel; noise does not reach it.
+/// Ratio of the radiance that saturates a pixel in the shortest exposure to the radiance of the brightest pixel, so large that noise does
+/// not saturate this pixel.
 const MARGIN: f64 = 1.2;
 
-/// The rendered maps and the simulated camera.
+/// A source of bursts that a simulated camera takes of environment maps.
 pub struct EnvSource {
     view: View,
     calibration: Calibration,
-    /// Radiance of each pixel, one element per map.
+    /// Radiance of each pixel, red, green and blue, one element per map.
     maps: Vec<Vec<f32>>,
     /// Radiance that saturates a pixel in an exposure of `own[0]` seconds.
     full: f64,
@@ -52,7 +53,7 @@ pub struct EnvSource {
     exposures: Vec<Exposure>,
     sensor: Sensor,
     beat: Beat,
-    /// Number of bursts for which each map stays.
+    /// Number of bursts that show one map before the next map follows.
     stay: u32,
 }
 
@@ -155,14 +156,14 @@ fn exposure(seconds: &f64) -> Exposure {
     Exposure { seconds: *seconds, gain: 1.0 }
 }
 
-/// Returns ascending exposure times with the ratio `step` that cover radiances with a ratio of up to `range`.
+/// Returns ascending exposure times, seconds, with the ratio `step` that cover radiances with a ratio of up to `range`.
 fn times(range: f64, step: f64, count: std::ops::RangeInclusive<usize>) -> Vec<f64> {
     let needed = (range.max(1.0).ln() / step.ln()).ceil() as usize + 1;
     let count = needed.clamp(*count.start(), *count.end());
     (0..count).rev().map(|k| LONGEST / step.powi(k as i32)).collect()
 }
 
-/// Returns the median of the positive samples; `none` if there are none.
+/// Returns the median of the positive samples of all maps; `none` if there are no positive samples.
 fn median(maps: &[Vec<f32>], none: f64) -> f64 {
     let mut lit: Vec<f32> =
         maps.iter().flat_map(|map| map.iter().step_by(97)).copied().filter(|v| *v > 0.0).collect();
@@ -193,7 +194,7 @@ fn render(path: &Path, camera: &Calibration) -> Result<Vec<Vec<f32>>, MapError> 
     Ok(maps)
 }
 
-/// Returns the path itself for a file, the maps of a folder otherwise.
+/// Returns the path itself if it is a file, the paths of the maps in a folder otherwise.
 fn files(path: &Path) -> Result<Vec<PathBuf>, MapError> {
     let expected = "a map (.exr, .hdr or .pfm) or a folder of maps";
     if !path.is_dir() {

@@ -1,20 +1,21 @@
-//! Renders maps through a lens; the energy of every texel in the lens's field is kept.
+//! Renders environment maps through a lens; the energy of every texel in the lens's field is kept.
 
 use crate::maps::{Covers, DecodedMap};
 use glam::{DVec2, DVec3};
 use hemilux_core::Calibration;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// Largest number of samples along a pixel's side: it resolves texels of a sixth of a pixel, and the energy of smaller texels is kept by scaling.
+/// Largest number of samples along the side of a pixel: it resolves texels of a sixth of a pixel, and scaling keeps the energy of smaller
+/// texels.
 const MOST_SAMPLES: usize = 6;
 
-/// Number of samples of a texel from which their total solid angle is accurate without scaling.
+/// Number of samples in a texel from which on their total solid angle is accurate without scaling.
 const MANY: u32 = 16;
 
-/// Marks a sample outside of the lens circle or the map.
+/// Texel index of a sample outside of the lens circle or of the map.
 const NONE: u32 = u32::MAX;
 
-/// Size and part of the sphere of a map.
+/// Size of a map and the part of the sphere that it covers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct SourceShape {
     width: usize,
@@ -35,7 +36,7 @@ impl SourceShape {
         }
     }
 
-    /// Returns the index of the texel in a unit direction.
+    /// Returns the index of the map's texel in a unit direction; `None` below a hemisphere.
     fn texel(&self, d: DVec3) -> Option<usize> {
         let row = d.z.clamp(-1.0, 1.0).acos() / self.lowest() * self.height as f64;
         let column = (PI - d.y.atan2(d.x)) / TAU * self.width as f64;
@@ -58,9 +59,9 @@ impl SourceShape {
 /// Table from the pixels of a camera to the texels of maps of one shape.
 pub(super) struct Raster {
     shape: SourceShape,
-    /// Number of samples of a pixel.
+    /// Number of samples of each pixel.
     samples: usize,
-    /// Texel of each sample, in the order of the pixels.
+    /// Texel index of each sample, in the order of the pixels.
     texels: Vec<u32>,
     /// Solid angle of each pixel, steradians; 0 outside of the lens circle.
     solid_angles: Vec<f32>,
@@ -88,12 +89,12 @@ impl Raster {
         Self { shape, samples: side * side, texels, solid_angles }
     }
 
-    /// Returns true if `map` has the shape of the table.
+    /// Returns true if `map` has the size and the coverage for which the table was created.
     pub fn fits(&self, map: &DecodedMap) -> bool {
         self.shape == SourceShape::of(map)
     }
 
-    /// Returns the radiance of each pixel, three channels per pixel.
+    /// Returns the radiance of each pixel of the camera under `map`, three channels per pixel.
     pub fn radiance(&self, map: &DecodedMap, camera: &Calibration) -> Vec<f32> {
         let mut pixels = vec![0.0; 3 * self.solid_angles.len()];
         let scales = self.scales(map.texels.len());
@@ -109,13 +110,14 @@ impl Raster {
         pixels
     }
 
-    /// Returns the texels of a pixel's samples.
+    /// Returns the texel indices of the samples of a pixel.
     fn of_pixel(&self, pixel: usize) -> impl Iterator<Item = usize> {
         let all = &self.texels[pixel * self.samples..(pixel + 1) * self.samples];
         all.iter().filter(|texel| **texel != NONE).map(|texel| *texel as usize)
     }
 
-    /// Returns, for each texel, the factor by which its samples have the texel's energy; 0 for a texel without samples.
+    /// Returns, for each of `count` texels, the factor by which its samples together have the texel's energy; 0 for a texel without
+    /// samples.
     fn scales(&self, count: usize) -> Vec<f32> {
         let mut hits = vec![(0u32, 0.0f32); count];
         for (i, omega) in self.solid_angles.iter().enumerate() {
@@ -134,7 +136,7 @@ impl Raster {
         hits.iter().enumerate().map(scale).collect()
     }
 
-    /// Adds the energy of a texel without samples to the pixel at which its centre is imaged.
+    /// Adds the energy of a texel that contains no sample to the pixel at which the texel's centre is imaged.
     fn add(&self, texel: usize, map: &DecodedMap, camera: &Calibration, pixels: &mut [f32]) {
         let Some(at) = camera.lens.project(self.shape.direction(texel)).map(DVec2::round) else { return };
         let (width, height) = (f64::from(camera.layout.width()), f64::from(camera.layout.height()));

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::PathBuf;
 
-/// Range of the time for which a map of a folder stays, seconds.
+/// Range of the time for which a map of a folder is shown, seconds.
 const SECONDS: std::ops::RangeInclusive<f64> = 0.1..=86_400.0;
 
 /// The simulated camera that renders a map.
@@ -16,14 +16,14 @@ pub enum View {
     Whole,
 }
 
-/// The path of a map or of a folder of maps, and its options.
+/// The path of a map or of a folder of maps, and the options of the source.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EnvSpec {
     /// Path of a map file or of a folder.
     pub path: PathBuf,
     /// The simulated camera that renders the maps.
     pub view: View,
-    /// Time for which each map of a folder stays, seconds.
+    /// Time for which each map of a folder is shown, seconds.
     pub every_s: f64,
 }
 

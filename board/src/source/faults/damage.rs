@@ -4,13 +4,13 @@ use super::random::Random;
 use super::spec::Fault;
 use crate::calibration::{Burst, Frame, Pixels};
 
-/// Ratio of the stated to the true exposure of a wrongly labelled frame.
+/// Ratio of the stated to the true exposure of a frame with the fault [`Fault::Label`].
 const WRONG_LABEL: f64 = 4.0;
 
-/// Largest backward step of the clock, nanoseconds.
+/// Largest backward step of the timestamp, nanoseconds.
 const STEP_NS: f64 = 60e9;
 
-/// Damages `burst` by `fault`. Faults of the delivery leave its frames unchanged.
+/// Applies `fault` to `burst`. Faults of the delivery leave the frames unchanged.
 pub(super) fn damage(fault: Fault, burst: &mut Burst, largest_code: u16, random: &mut Random) {
     if burst.frames.is_empty() {
         return;
@@ -32,7 +32,7 @@ pub(super) fn damage(fault: Fault, burst: &mut Burst, largest_code: u16, random:
     }
 }
 
-/// Sets every sample to `code`; samples of bytes get its last eight bits.
+/// Sets every sample of a frame to `code`; samples of bytes get the last eight bits of `code`.
 fn fill(pixels: &mut Pixels, code: u16) {
     match pixels {
         Pixels::U8(bytes) => bytes.fill(code.to_le_bytes()[0]),
@@ -54,7 +54,7 @@ fn swap(frames: &mut [Frame], at: usize) {
     }
 }
 
-/// Replaces the samples of frame `at` after its first `part`, 0 to 1, by the samples of the next exposure.
+/// Replaces the samples of frame `at` after the fraction `part`, 0 to 1, by the samples of the next exposure.
 fn tear(frames: &mut [Frame], at: usize, part: f64) {
     let other = (at + 1) % frames.len();
     let Ok([torn, next]) = frames.get_disjoint_mut([at, other]) else { return };

@@ -17,12 +17,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-/// Number of faults so far, for each kind.
+/// Number of bursts that were damaged so far, for each kind of fault.
 #[derive(Debug, Default)]
 pub struct FaultCounts([AtomicU64; Fault::ALL.len()]);
 
 impl FaultCounts {
-    /// Returns the name of each kind and the number of bursts that it has damaged.
+    /// Returns the name of each kind of fault and the number of bursts that it has damaged.
     pub fn named(&self) -> impl Iterator<Item = (&'static str, u64)> {
         Fault::ALL.into_iter().zip(&self.0).map(|(fault, n)| (fault.name(), n.load(Ordering::Relaxed)))
     }
@@ -41,7 +41,7 @@ pub struct FaultSource {
     random: Random,
     /// True if the memory of the last burst was damaged and must not be reused by the inner source.
     damaged: bool,
-    /// Time until which the device is missing.
+    /// Time until which the device is missing; `None` while it is present.
     gone_until: Option<Instant>,
     counts: Arc<FaultCounts>,
 }
@@ -54,7 +54,7 @@ impl FaultSource {
         Self { inner, spec, random, damaged: false, gone_until: None, counts: Arc::default() }
     }
 
-    /// Returns the counts of faults, which the source updates.
+    /// Returns the counts of faults, which this source updates.
     #[must_use]
     pub fn counts(&self) -> Arc<FaultCounts> {
         Arc::clone(&self.counts)

@@ -1,6 +1,6 @@
 //! The random numbers of the schedule: SplitMix64, so that equal seeds give equal faults on every machine.
 
-/// A generator of random numbers.
+/// The state of a generator of random numbers.
 #[derive(Clone, Debug)]
 pub(super) struct Random(pub u64);
 
@@ -12,12 +12,12 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// Returns a number from 0 (included) to 1 (excluded).
+    /// Returns a random number from 0 (included) to 1 (excluded).
     pub fn part(&mut self) -> f64 {
         (self.next() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// Returns a number below `count`; 0 if `count` is 0.
+    /// Returns a random number below `count`; 0 if `count` is 0.
     pub fn below(&mut self, count: usize) -> usize {
         (self.part() * count as f64) as usize
     }

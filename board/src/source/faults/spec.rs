@@ -1,8 +1,8 @@
-//! The kinds of faults, and the share of bursts that each kind damages.
+//! The kinds of faults, and the fraction of bursts that each kind damages.
 
 use std::time::Duration;
 
-/// A kind of fault.
+/// A kind of fault of a burst or of a source.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
     /// One frame of the burst is missing.
@@ -64,16 +64,16 @@ impl Fault {
     }
 }
 
-/// The share of bursts that each kind of fault damages, and the lengths of the pauses. A burst has at most one fault.
+/// The fraction of bursts that each kind of fault damages, and the lengths of the pauses. A burst has at most one fault.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FaultSpec {
-    /// Share of bursts, 0 to 1, in the order of [`Fault::ALL`]; the sum is at most 1.
+    /// Fraction of bursts with each kind of fault, 0 to 1, in the order of [`Fault::ALL`]; the sum is at most 1.
     pub shares: [f64; Fault::ALL.len()],
     /// Seed of the random schedule.
     pub seed: u64,
-    /// Number of bursts without a fault at the start.
+    /// Number of bursts at the start that have no fault.
     pub sound: u64,
-    /// Pause of [`Fault::Late`].
+    /// Length of the pause of [`Fault::Late`].
     pub late: Duration,
     /// Time for which the device is missing in [`Fault::Vanish`].
     pub gone: Duration,
@@ -92,7 +92,7 @@ impl FaultSpec {
         hang: Duration::from_secs(3),
     };
 
-    /// Returns the fault of a burst for the random number `part`, 0 to 1.
+    /// Returns the fault of a burst that the random number `part`, 0 to 1, selects; `None` for a burst without a fault.
     #[must_use]
     pub fn choose(&self, part: f64) -> Option<Fault> {
         let mut sum = 0.0;
@@ -118,7 +118,7 @@ impl FaultSpec {
     }
 }
 
-/// Parses text such as `all=0.01,hang=0,seed=7`: shares of bursts by kind; later shares override earlier ones.
+/// Parses text such as `all=0.01,hang=0,seed=7`: fractions of bursts by kind of fault; later fractions override earlier ones.
 impl std::str::FromStr for FaultSpec {
     type Err = String;
 

@@ -14,7 +14,7 @@ use tower::ServiceExt;
 /// Number of bursts for each kind of fault; the environment variable `HEMILUX_FAULT_BURSTS` replaces it.
 const BURSTS: u64 = 150;
 
-/// Bursts without faults at the start: a camera shows what is usual before it fails.
+/// Number of bursts without faults at the start, from which the probe learns the usual light of the source.
 const SOUND: u64 = 8;
 
 /// Largest accepted relative difference between the flux of a set and that of its burst.
@@ -33,7 +33,7 @@ fn spec(text: &str) -> FaultSpec {
     text.parse().expect("a specification")
 }
 
-/// Counts of a run of bursts with faults.
+/// Counts over a run of bursts with faults.
 #[derive(Debug, Default)]
 struct Outcome {
     sets: u64,
@@ -48,7 +48,7 @@ struct Outcome {
 /// Names of the scenes, from an overcast sky to a sunlit one.
 const SCENES: [&str; 3] = ["overcast", "room", "sky"];
 
-/// Processes `bursts` bursts with `faults` of each scene.
+/// Processes `bursts` bursts with `faults` of each of [`SCENES`].
 fn run(faults: &str, bursts: u64) -> Outcome {
     let mut all = Outcome::default();
     for scene in SCENES {
@@ -62,7 +62,7 @@ fn run(faults: &str, bursts: u64) -> Outcome {
     all
 }
 
-/// Processes `bursts` bursts with `faults`; the flux of each set is compared with that of the bursts without faults.
+/// Processes `bursts` bursts of a scene with `faults`; the flux of each set is compared with that of the bursts without faults.
 fn run_scene(scene: &str, faults: &str, bursts: u64) -> Outcome {
     let recording = |pace| recording(scene, pace);
     let mut sound =
@@ -196,7 +196,7 @@ fn equal_seeds_give_equal_faults_in_the_stated_share() {
     assert!(faults == draw(1) && faults != draw(2), "by the seed alone");
     for kind in Fault::ALL {
         let count = faults.iter().filter(|fault| **fault == Some(kind)).count();
-        // The count is binomial with a mean of 500 and a standard deviation of 22.
+        // The number of faults is binomial with a mean of 500 and a standard deviation of 22.
         assert!((400..600).contains(&count), "{kind:?}: {count}");
     }
 }

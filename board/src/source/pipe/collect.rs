@@ -2,13 +2,13 @@
 
 use super::header::Header;
 
-/// Largest difference between the natural logarithms of two exposures that count as equal: 5 %.
+/// Largest difference between the natural logarithms of two exposures that count as one exposure: 5 %.
 const SAME: f64 = 0.05;
 
-/// Largest number of frames, in units of bursts, between the oldest and the newest frame of a burst.
+/// Largest number of frames between the oldest and the newest frame of a burst, as a multiple of the burst's number of frames.
 const ROUNDS: u64 = 2;
 
-/// A complete frame of a pipe.
+/// A complete frame that was read from a pipe.
 #[derive(Clone, Debug)]
 pub(super) struct Piped {
     pub header: Header,
@@ -23,14 +23,14 @@ impl Piped {
     }
 }
 
-/// Collects frames until there is one frame of each exposure.
+/// Collects the frames of a pipe until there is one frame of each exposure.
 #[derive(Debug, Default)]
 pub(super) struct Collector {
     frames: Vec<Piped>,
 }
 
 impl Collector {
-    /// Adds a frame; the memory of frames that it replaces is moved to `spare`. Returns true when the burst is complete.
+    /// Adds a frame; the memory of frames that it replaces is moved to `spare`. Returns true if the frame completes a burst.
     pub fn push(&mut self, new: Piped, spare: &mut Vec<Vec<u8>>) -> bool {
         let (count, newest, log) = (new.header.count, new.header.sequence, new.log_exposure());
         let picture = new.header.picture;
@@ -49,7 +49,7 @@ impl Collector {
         self.frames.len() >= count
     }
 
-    /// Removes and returns the burst's frames in ascending order of exposure.
+    /// Removes the frames of the complete burst and returns them in ascending order of exposure.
     pub fn take(&mut self) -> Vec<Piped> {
         let mut frames = std::mem::take(&mut self.frames);
         frames.sort_by(|a, b| a.log_exposure().total_cmp(&b.log_exposure()));

@@ -7,44 +7,44 @@ use hemilux_core::MAX_EXPOSURES;
 /// Length of a header of version 1, bytes.
 pub(super) const BYTES: usize = 72;
 
-/// Largest accepted frame, bytes.
+/// Largest accepted frame of a pipe, bytes.
 const MAX_FRAME_BYTES: u32 = 64 << 20;
 
 /// Ranges of the accepted exposure times, seconds, and gains.
 const SECONDS: std::ops::RangeInclusive<f64> = 1e-7..=3600.0;
 const GAIN: std::ops::RangeInclusive<f64> = 1e-3..=1e5;
 
-/// The header of a frame.
+/// The header of a frame of a pipe.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Header {
     /// Size, packing and pixel format of the frame.
     pub picture: Picture,
     /// Length of the frame after the header, bytes.
     pub payload: usize,
-    /// Number of exposures in a burst.
+    /// Number of exposures in each burst.
     pub count: usize,
     /// Sequence number of the frame, ascending.
     pub sequence: u64,
-    /// CLOCK_MONOTONIC at which the exposure began, nanoseconds; 0 where unknown.
+    /// CLOCK_MONOTONIC at which the exposure of the frame began, nanoseconds; 0 where unknown.
     pub timestamp_ns: u64,
-    /// Exposure time, seconds.
+    /// Exposure time of the frame, seconds.
     pub seconds: f64,
-    /// Product of analogue and digital gain.
+    /// Gain of the frame: product of analogue and digital gain.
     pub gain: f64,
     /// Code of a sample without light.
     pub black: f64,
 }
 
-/// Returns the `N` bytes from `at`; zeros beyond the end of the header.
+/// Returns `N` bytes of the header from position `at`; zeros beyond the end of the header.
 fn field<const N: usize>(bytes: &[u8; BYTES], at: usize) -> [u8; N] {
     bytes.get(at..).and_then(|b| b.first_chunk()).copied().unwrap_or([0; N])
 }
 
 impl Header {
-    /// Parses and checks a header.
+    /// Parses and checks the header of a frame.
     ///
     /// # Errors
-    /// The field with the value that was found and the values that are accepted.
+    /// The field of the header with the value that was found and the values that are accepted.
     pub fn parse(bytes: &[u8; BYTES]) -> Result<Self, String> {
         let refuse = |found: String, expected: &str| Err(format!("found {found}, expected {expected}"));
         let u16_at = |at| u16::from_le_bytes(field(bytes, at));
@@ -96,6 +96,6 @@ fn picture(bytes: &[u8; BYTES]) -> Result<Picture, Mismatch> {
     })
 }
 
-/// `V4L2_QUANTIZATION_LIM_RANGE` and `V4L2_YCBCR_ENC_601`.
+/// The values of `V4L2_QUANTIZATION_LIM_RANGE` and `V4L2_YCBCR_ENC_601`.
 const LIMITED_RANGE: u32 = 2;
 const YCBCR_601: u32 = 1;

@@ -42,7 +42,7 @@ impl Input {
         }
     }
 
-    /// Reads the available bytes; `WouldBlock` if there are none, 0 at the end.
+    /// Reads the available bytes into `into`; `WouldBlock` if there are none, 0 at the end of the input.
     ///
     /// # Errors
     /// The error of the operating system for the read.
@@ -64,7 +64,7 @@ impl Input {
         let _ = poll(&mut [PollFd::new(&fd, PollFlags::IN)], Some(&timeout));
     }
 
-    /// Moves to the start of a regular file; returns false for FIFOs and sockets.
+    /// Moves the read position to the start of a regular file; returns false for FIFOs and sockets.
     pub fn rewind(&mut self) -> bool {
         if let Self::File(file) = self { file.rewind().is_ok() } else { false }
     }

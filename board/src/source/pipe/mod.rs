@@ -24,13 +24,13 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Longest wait for a burst in one call of [`Source::next`].
+/// Longest wait for a burst of the pipe in one call of [`Source::next`].
 const WAIT: Duration = Duration::from_millis(250);
 
 /// Time between two bursts of a regular file, and between two attempts to read a FIFO without a writer.
 const PERIOD: Duration = Duration::from_millis(100);
 
-/// Age from which a timestamp is taken to be of another clock, nanoseconds.
+/// Age of a frame from which its timestamp is taken to be of another clock, nanoseconds.
 const OLDEST_NS: u64 = 5_000_000_000;
 
 /// The path of a pipe and its lens file, as in the option `--source`.
@@ -41,7 +41,7 @@ pub struct PipeSpec {
 }
 
 impl PipeSpec {
-    /// Returns the path of the lens file.
+    /// Returns the path of the lens file, if one is given.
     #[must_use]
     pub fn lens(&self) -> Option<PathBuf> {
         self.lens.clone()
@@ -67,7 +67,7 @@ impl fmt::Display for PipeSpec {
     }
 }
 
-/// A source of bursts from a pipe.
+/// A source of bursts whose frames another program writes to a pipe.
 #[derive(Debug)]
 pub struct PipeSource {
     path: PathBuf,
@@ -80,13 +80,13 @@ pub struct PipeSource {
     collector: Collector,
     /// Memory of replaced frames, for reuse.
     spare: Vec<Vec<u8>>,
-    /// Number of bursts since the start of the input.
+    /// Number of bursts since the input was opened.
     bursts: u64,
     /// Time at which the next burst of a regular file is due.
     due: Instant,
 }
 
-/// The header or frame that is being read.
+/// The header or frame that is being read from the pipe.
 #[derive(Debug)]
 struct FrameReader {
     head: [u8; header::BYTES],
@@ -94,7 +94,7 @@ struct FrameReader {
     bytes: Vec<u8>,
     /// Number of bytes of the header or of the frame that have been read.
     filled: usize,
-    /// Number of frames since the start of the input.
+    /// Number of frames since the input was opened.
     frames: u64,
 }
 
@@ -103,13 +103,13 @@ impl FrameReader {
         Self { head: [0; header::BYTES], header: None, bytes: Vec::new(), filled: 0, frames: 0 }
     }
 
-    /// Returns the part of the header or of the frame that must be filled next.
+    /// Returns the part of the header or of the frame into which the next bytes are read.
     fn room(&mut self) -> &mut [u8] {
         let all = if self.header.is_some() { self.bytes.as_mut_slice() } else { &mut self.head };
         all.get_mut(self.filled..).unwrap_or_default()
     }
 
-    /// Adds `read` to the number of bytes read and returns the frame when it is complete.
+    /// Adds `read` to the number of bytes that have been read, and returns the frame if it is complete.
     fn advance(&mut self, read: usize, spare: &mut Vec<Vec<u8>>) -> Result<Option<Piped>, String> {
         self.filled += read;
         if !self.room().is_empty() {
@@ -160,7 +160,7 @@ impl PipeSource {
         })
     }
 
-    /// Returns the path of the FIFO, file or socket.
+    /// Returns the path of the FIFO, file or socket that the source reads.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
@@ -170,7 +170,7 @@ impl PipeSource {
         SourceError::Gone(format!("pipe:{}: found {found}, expected {expected}", self.path.display()))
     }
 
-    /// Closes the input; the next call opens it again.
+    /// Closes the input; the next call of [`Source::next`] opens it again.
     fn close(&mut self) {
         (self.input, self.reader) = (None, FrameReader::new());
     }
@@ -256,7 +256,7 @@ impl PipeSource {
         ))
     }
 
-    /// Adopts the picture format, the black level and the exposures of a burst.
+    /// Adopts the picture format, the black level and the exposures of the burst `frames`.
     fn follow(&mut self, frames: &[Piped]) {
         let Some(first) = frames.first() else { return };
         let black = first.header.black / first.header.picture.max_code();

@@ -22,7 +22,7 @@ fn source(path: &Path) -> PipeSource {
     PipeSource::open(&PipeSpec { path: path.into(), lens: None }).expect("a source")
 }
 
-/// Returns exposure times and first codes of the next burst, or after ten seconds the newest error.
+/// Returns exposure times in seconds and first codes of the frames of the next burst, or after ten seconds the newest error.
 fn next(source: &mut PipeSource) -> Result<Vec<(f64, u8)>, String> {
     let (mut burst, began, mut why) = (Burst::default(), Instant::now(), String::new());
     while began.elapsed() < Duration::from_secs(10) {
@@ -145,7 +145,7 @@ fn invalid_headers_are_refused_on_one_line_that_names_the_field() {
     assert!(refusal(&frame(0, 0.01, 1)[..75]).contains("an end within a frame"), "a cut file");
 }
 
-/// Runs the example with a scripted picamera2 in place of the real one.
+/// Runs the example program with a scripted picamera2 in place of the real one.
 fn picamera2(out: &Path, raw: Option<&str>) -> std::process::Output {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut command = Command::new("python3");
