@@ -9,7 +9,7 @@ pub use hemilux_core::Calibration;
 pub enum Pixels {
     /// The bytes of any format but [`Format::Rgb48`](hemilux_core::Format::Rgb48).
     U8(Vec<u8>),
-    /// The words of [`Format::Rgb48`](hemilux_core::Format::Rgb48).
+    /// Samples of 16 bits: the words of [`Format::Rgb48`](hemilux_core::Format::Rgb48).
     U16(Vec<u16>),
 }
 
@@ -24,7 +24,7 @@ impl Pixels {
     }
 }
 
-/// One captured image.
+/// One captured image of a burst, with its exposure.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     /// Exposure time of the frame, seconds, and its gain.

@@ -13,7 +13,7 @@ pub struct CameraStatus {
     pub view: Option<ViewStatus>,
     /// Number of frames by the origin of their exposure.
     pub known: KnownCounts,
-    /// Number of frames by their result.
+    /// Numbers of the camera's frames by their result.
     pub frames: FrameCounts,
     /// Number of writes of the exposure that were skipped because they would have taken effect too late.
     pub late_writes: u64,
@@ -27,10 +27,10 @@ pub struct CameraStatus {
     pub reopened: u64,
 }
 
-/// An exposure of a burst.
+/// An exposure of the camera's last burst.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct ExposureStatus {
-    /// Exposure time that was requested, seconds.
+    /// Exposure time that was requested of the camera, seconds.
     pub asked_s: f64,
     /// Exposure time that the merge uses, seconds.
     pub seconds: f64,
@@ -71,16 +71,16 @@ impl KnownCounts {
     }
 }
 
-/// Numbers of frames by their result.
+/// Numbers of a camera's frames by their result, since the start of the probe.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct FrameCounts {
-    /// Number of complete frames.
+    /// Number of frames that were received completely.
     pub complete: u64,
     /// Number of frames that are missing between the sensor's frame numbers: the driver did not deliver them.
     pub lost: u64,
     /// Number of frames with the driver's error flag.
     pub flagged: u64,
-    /// Number of frames of zero bytes.
+    /// Number of dropped frames that have no byte.
     pub empty: u64,
     /// Number of frames with fewer bytes than the format requires.
     pub short: u64,

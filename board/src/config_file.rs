@@ -56,7 +56,7 @@ pub struct Kept {
     pub osc: Vec<String>,
     /// Value of the option `--mqtt`.
     pub mqtt: Option<String>,
-    /// The settings of `/v1/config`, by name.
+    /// The settings of `/v1/config` in the file, by name.
     #[serde(flatten)]
     pub settings: toml::Table,
 }
@@ -64,7 +64,7 @@ pub struct Kept {
 /// Reasons for which the configuration file cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigFileError {
-    /// The file cannot be read.
+    /// The configuration file cannot be read.
     #[error("configuration file {0}: found {1}, expected a file that can be read (it may be empty)")]
     Read(PathBuf, std::io::Error),
     /// The file is longer than the largest accepted size.
@@ -73,7 +73,7 @@ pub enum ConfigFileError {
     /// The file has unknown keys or values, or is not TOML.
     #[error("configuration file {0}: {1}")]
     Content(PathBuf, String),
-    /// The file cannot be written.
+    /// The configuration file cannot be written.
     #[error("configuration file {0}: found {1}, expected it to be writable")]
     Write(PathBuf, std::io::Error),
 }
@@ -83,7 +83,7 @@ pub enum ConfigFileError {
 pub struct OpenedConfig {
     /// Handle by which settings are saved to the file.
     pub file: ConfigFile,
-    /// Contents of the file.
+    /// Contents of the file, with its comments.
     pub kept: Kept,
 }
 

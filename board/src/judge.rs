@@ -22,13 +22,13 @@ const MOST_POINTS: usize = 48;
 /// Largest number of points of all discs of a set together; each disc of a larger set gets fewer points.
 const DISC_POINTS: usize = MOST_POINTS * 64;
 
-/// The golden angle, radians.
+/// The golden angle, by which the azimuths of successive points of a disc differ, radians.
 const GOLDEN: f32 = 2.399_963;
 
 /// A light set to be scored: lights and ambient radiance.
 #[derive(Clone, Copy, Debug)]
 pub struct Lit<'a> {
-    /// The lights of the set.
+    /// Lights of the judged set.
     pub lights: &'a [Light],
     /// Ambient radiance of the set, as spherical harmonics.
     pub ambient: Option<&'a Sh9>,

@@ -27,7 +27,7 @@ fn return_large_blocks() {
     unsafe { libc::mallopt(libc::M_MMAP_THRESHOLD, 256 << 10) };
 }
 
-/// Prints a panic as one line.
+/// Prints a panic as one line on stderr.
 fn tell_panic(panic: &PanicHookInfo<'_>) {
     let thread = std::thread::current();
     let place = panic.location().map_or_else(String::new, |place| format!(" at {place}"));

@@ -17,7 +17,7 @@ pub struct MemoryPlan {
     height: u32,
     exposures: usize,
     lights: usize,
-    /// HEALPix order of the map.
+    /// HEALPix order of the probe's map.
     order: u8,
     /// HEALPix order at which pixels are summed before the map's order is computed.
     source_order: u8,

@@ -283,7 +283,7 @@ impl Pipeline {
         Ok(())
     }
 
-    /// Returns the settings in effect.
+    /// Returns the settings of the pipeline that are in effect.
     #[must_use]
     pub fn settings(&self) -> &Settings {
         &self.settings
@@ -313,7 +313,7 @@ impl Pipeline {
         size_of_val(&*self.sampler)
     }
 
-    /// Returns the calibration of the camera.
+    /// Returns the calibration of the camera whose bursts the pipeline processes.
     #[must_use]
     pub fn calibration(&self) -> &Calibration {
         self.front.calibration()

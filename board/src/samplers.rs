@@ -77,7 +77,7 @@ pub struct Shape {
     pub domain: Domain,
     /// Finest HEALPix order of the maps' pyramid.
     pub order: u8,
-    /// Grid of the latitude-longitude maps.
+    /// Numbers of rows and columns of the latitude-longitude maps.
     pub grid: Grid,
 }
 
@@ -88,7 +88,7 @@ pub enum SamplerError {
     /// The sampler does not support this number of lights.
     #[error("{found} lights, expected {least} to {MAX_LIGHTS} for '{sampler}'")]
     BadLights {
-        /// The requested number of lights.
+        /// Number of lights that was requested of the sampler.
         found: usize,
         /// The least number of lights that the sampler supports for such maps.
         least: usize,

@@ -61,7 +61,7 @@ impl Patches {
         Self { all, count: N }
     }
 
-    /// Returns the patches, the farthest first.
+    /// Returns the patches of the scene, the farthest first.
     #[must_use]
     pub fn as_slice(&self) -> &[Patch] {
         &self.all[..self.count]

@@ -124,7 +124,7 @@ pub fn counters() -> usize {
     3 * STAGES * Durations::new().histogram.map_or(0, |h| h.distinct_values())
 }
 
-/// Statistics of one stage.
+/// Statistics of the durations of one stage.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stage {
     /// Median of the stage's durations since the start, microseconds.

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 /// The text that a program prints for a command line that names no command or is wrong.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Explained {
-    /// Help or version, for stdout.
+    /// Text of the help or of the version, which is printed to stdout.
     Help(String),
     /// An error message of one line, for stderr.
     Refused(String),

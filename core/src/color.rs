@@ -9,7 +9,7 @@ pub fn luminance(rgb: [f32; 3]) -> f32 {
     LUMINANCE[0] * rgb[0] + LUMINANCE[1] * rgb[1] + LUMINANCE[2] * rgb[2]
 }
 
-/// Returns `rgb` times `factor`.
+/// Returns the three channels of `rgb` times `factor`.
 #[must_use]
 pub fn scaled(rgb: [f32; 3], factor: f32) -> [f32; 3] {
     rgb.map(|v| v * factor)

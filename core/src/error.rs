@@ -14,9 +14,9 @@ use crate::response::ResponseError;
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum FrontError {
-    /// The lens parameters are invalid.
+    /// The lens parameters of the calibration are invalid.
     Lens(LensError),
-    /// The frame layout is invalid.
+    /// The frame layout of the calibration is invalid.
     Layout(LayoutError),
     /// The order of the map does not exist.
     Order(BadOrder),

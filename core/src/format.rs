@@ -45,7 +45,7 @@ pub enum Matrix {
     /// ITU-R BT.601, used by webcams and JPEG.
     #[default]
     Bt601,
-    /// ITU-R BT.709.
+    /// Luma coefficients of ITU-R BT.709.
     Bt709,
 }
 
@@ -68,13 +68,13 @@ pub enum Format {
     Bgr24,
     /// Three 16-bit words per pixel in the machine's byte order: red, green, blue. For image files; not a camera format.
     Rgb48,
-    /// One byte per pixel: grey.
+    /// Grey pixels of one byte.
     Grey,
     /// Four bytes per two pixels: Y0 Cb Y1 Cr.
     Yuyv(Yuv),
     /// A plane of luma bytes, followed by a plane of Cb Cr pairs, one pair per 2 x 2 pixels.
     Nv12(Yuv),
-    /// A Bayer mosaic of bytes.
+    /// A Bayer mosaic of samples of one byte.
     Bayer8(Pattern),
     /// A Bayer mosaic of 10 bits, five bytes per four pixels: the upper eight bits of each pixel, then a byte with the lower two bits of each
     /// pixel, those of the first pixel in the lowest bits.
@@ -196,9 +196,9 @@ impl Format {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ImageSize {
-    /// Number of columns of the image.
+    /// Number of columns of the merged image.
     pub width: u32,
-    /// Number of rows of the image.
+    /// Number of rows of the merged image.
     pub height: u32,
 }
 
@@ -224,7 +224,7 @@ pub enum LayoutError {
     OddSize,
     /// The row pitch is below the number of bytes of a row's pixels, above 2^20 bytes, or odd for 16-bit samples.
     BadLine {
-        /// Row pitch that was found, bytes.
+        /// Row pitch of the refused layout, bytes.
         found: usize,
         /// Number of bytes of the pixels of a row.
         expected: usize,

@@ -206,7 +206,7 @@ impl<B: Buffer<u64>> FrontEnd<B> {
         MapShape { domain: Domain::Hemisphere, order: self.state.order }
     }
 
-    /// Returns the order of the map.
+    /// Returns the HEALPix order of the map.
     #[must_use]
     pub fn order(&self) -> Order {
         self.state.order

@@ -28,7 +28,7 @@ pub struct Order(u8);
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct BadOrder {
-    /// The order that was refused.
+    /// The number that was refused as an order.
     pub found: u8,
 }
 

@@ -13,14 +13,14 @@ pub struct Lanes {
     pub(crate) tally: Option<Tally>,
 }
 
-/// The lanes of each colour channel.
+/// The lanes of an accumulator whose sums belong to each colour channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Pick {
     /// Red, green, blue; the fourth lane is unused.
     Plain,
     /// Blue, green, red; the fourth lane is unused.
     Swapped,
-    /// One lane for all channels.
+    /// One lane, whose sum is that of all colour channels.
     Grey,
     /// The lanes of a mosaic cell: the index of the lane of red, of the two lanes of green, and of the lane of blue.
     Cell { red: usize, green: [usize; 2], blue: usize },

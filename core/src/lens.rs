@@ -28,9 +28,9 @@ use glam::{DVec2, DVec3};
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Model {
-    /// r = theta.
+    /// r = theta, with the angle theta from the axis in radians.
     Equidistant,
-    /// r = 2 sin(theta / 2).
+    /// r = 2 sin(theta / 2), with the angle theta from the axis in radians.
     Equisolid,
     /// r = theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8), \[KannalaBrandt2006\].
     KannalaBrandt([f64; 4]),
@@ -114,9 +114,9 @@ impl core::error::Error for LensError {}
 /// Intrinsic parameters of a lens. [`Lens::try_new`] checks them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Intrinsics {
-    /// The radial model.
+    /// The radial model of the lens.
     pub model: Model,
-    /// Principal point, pixels: column, row.
+    /// Principal point of the image, pixels: column, row.
     pub centre_px: DVec2,
     /// Focal lengths along columns and rows, pixels.
     pub focal_px: DVec2,

@@ -30,9 +30,9 @@ use glam::DVec3;
 /// Size and domain of a latitude-longitude map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Grid {
-    /// Number of columns of the map.
+    /// Number of columns of the latitude-longitude map.
     pub width: usize,
-    /// Number of rows of the map.
+    /// Number of rows of the latitude-longitude map.
     pub height: usize,
     /// The part of the sphere that the map covers.
     pub domain: Domain,
@@ -180,7 +180,7 @@ impl<B: Buffer<[f32; 3]>> LatLong<B> {
 /// The fraction of a HEALPix quad's energy that is assigned to one texel of a latitude-longitude map.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Share {
-    /// Index of the HEALPix quad.
+    /// Index of the HEALPix quad whose light the share is of.
     pub from: u32,
     /// Index of the texel of the latitude-longitude map.
     pub to: u32,

@@ -51,7 +51,7 @@ pub struct Levels {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Response {
-    /// y = x.
+    /// Linear response: y = x.
     Linear,
     /// The transfer function of IEC 61966-2-1.
     Srgb,
@@ -126,9 +126,9 @@ impl core::error::Error for ResponseError {}
 /// Number of bits of an unpacked sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Depth {
-    /// Samples have 8 bits.
+    /// The samples of the table have 8 bits.
     U8,
-    /// Samples have 16 bits.
+    /// The samples of the table have 16 bits.
     U16,
 }
 
@@ -158,9 +158,9 @@ pub struct Curve<B> {
     depth: Depth,
     /// Right shift from a code to its table entry: 0 for codes of up to 12 bits; finer codes are interpolated.
     shift: u32,
-    /// Smallest code that counts as saturated.
+    /// Smallest sample code that counts as saturated.
     saturated: u32,
-    /// Smallest code that counts as trusted.
+    /// Smallest sample code that counts as trusted.
     trusted: u32,
     /// The codes at which relative exposure is 0 (black) and 1 (white).
     levels: Levels,
@@ -295,7 +295,7 @@ impl<B> Curve<B> {
         self.saturated
     }
 
-    /// Returns the table of the curve.
+    /// Returns the table of relative exposures of the curve.
     pub(crate) fn into_table(self) -> B {
         self.table
     }

@@ -13,7 +13,7 @@ use core::mem::{size_of, take};
 /// Name, length and element size of one buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BufferSize {
-    /// Name of the buffer in reports.
+    /// Name of the buffer in reports of memory.
     pub name: &'static str,
     /// Number of elements of the buffer.
     pub count: usize,

@@ -142,9 +142,9 @@ pub fn poses(camera: &BoardCamera, squares: [u32; 2], count: usize, seed: u64) -
     (0..count).map(pose).collect()
 }
 
-/// 8-bit code of the board's paper.
+/// 8-bit code of the printed board's paper.
 const WHITE: f64 = 210.0;
-/// 8-bit code of the board's ink.
+/// 8-bit code of the printed board's ink.
 const BLACK: f64 = 25.0;
 
 /// Renders the board of `squares` columns and rows, with a white margin of one square, before a background; returns 8-bit codes row by row.

@@ -45,7 +45,7 @@ pub struct BurstJob {
     pub env: PathBuf,
     /// Options for reading the map.
     pub options: ReadOptions,
-    /// Path of the lens file.
+    /// Path of the simulated camera's lens file.
     pub lens: PathBuf,
     /// Exposure times of the burst's frames, seconds.
     pub exposures: Vec<f64>,
@@ -53,7 +53,7 @@ pub struct BurstJob {
     pub scale: Option<f64>,
     /// Properties of the simulated sensor.
     pub sensor: Sensor,
-    /// Seed of the noise.
+    /// Seed of the simulated sensor noise.
     pub seed: u64,
     /// Folder for the burst; it is created if it does not exist.
     pub out: PathBuf,

@@ -112,7 +112,7 @@ pub fn judged(made: &Decomposition<'_>) -> LitSet {
 /// The light sets of one method over the frames of a sequence.
 #[derive(Clone, Debug)]
 pub struct MethodRun {
-    /// Method that made the sets.
+    /// Method that computed the light sets.
     pub method: Method,
     /// Largest number of lights of a set.
     pub lights: usize,

@@ -26,7 +26,7 @@ pub struct DecomposeJob {
     pub request: Request,
     /// Options for reading maps; `covers` can also select the upper half of a map of the whole sphere.
     pub options: ReadOptions,
-    /// Maps per second of a sequence.
+    /// Number of maps per second of a sequence.
     pub fps: f64,
     /// Paths of pictures and maps to write.
     pub files: Files,

@@ -38,7 +38,7 @@ const RUNS: usize = 5;
 /// Arguments of `discs`.
 #[derive(Clone, Debug)]
 pub struct DiscsJob {
-    /// Folder of maps.
+    /// Folder of the environment maps.
     pub env: PathBuf,
     /// Whether the table of mixtures is left out.
     pub fewest_alone: bool,
@@ -58,11 +58,11 @@ pub struct Measured {
     pub open: f64,
     /// Shadowed error of the set, a ratio.
     pub shadowed: f64,
-    /// Time of one decomposition, milliseconds.
+    /// Time of one decomposition into the lights, milliseconds.
     pub ms: f64,
 }
 
-/// Writes the tables to standard output.
+/// Writes the tables of the command to standard output.
 ///
 /// # Errors
 /// [`SimError`] with the path of the folder or of the map that cannot be read.

@@ -104,7 +104,7 @@ fn pixel([x, y]: [f64; 2]) -> <Shift as CoordTranslate>::From {
     (x.round() as i32, y.round() as i32)
 }
 
-/// A logarithmic axis in pixels.
+/// A logarithmic axis of a chart, which maps values to pixels.
 #[derive(Clone, Copy, Debug)]
 pub struct LogAxis {
     /// Values at the two ends of the axis.

@@ -13,7 +13,7 @@ use hemilux_core::pyramid::PyramidView;
 use hemilux_core::{Exposure, MergeMode};
 use std::fmt::Write;
 
-/// Number of bursts of each scene.
+/// Number of bursts of each scene that are compared.
 const BURSTS: usize = 4;
 /// HEALPix order of the quads whose first moments illuminate the receivers.
 const ORDER: u8 = 4;

@@ -27,7 +27,7 @@ pub enum ScoreError {
     Io {
         /// Path of the light set's file.
         path: PathBuf,
-        /// Error of the operating system.
+        /// Error that the operating system returned.
         source: std::io::Error,
     },
     /// The file does not contain a valid light set.

@@ -81,9 +81,9 @@ struct FactorRow {
     frames: [usize; 2],
     /// Number of steps of quality after the first [`SETTLING`] frames.
     steps: usize,
-    /// Time of the last frame, milliseconds.
+    /// Time of the last processed frame, milliseconds.
     last_ms: f64,
-    /// Quality of the last frame.
+    /// Quality at which the last frame was processed.
     quality: Quality,
 }
 

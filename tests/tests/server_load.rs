@@ -53,7 +53,7 @@ struct Run {
     guests_us: Mutex<Vec<u32>>,
 }
 
-/// The decoded values of an answer.
+/// The values of a decoded answer of the server.
 struct Received {
     frame: u64,
     lights: usize,

@@ -61,7 +61,7 @@ impl Board {
 /// The pattern of a printed board.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kind {
-    /// Black and white squares.
+    /// Black and white squares without marks.
     Chessboard,
     /// Black and white squares, with a marker of a dictionary in each white square.
     Charuco(Charuco),
@@ -75,7 +75,7 @@ pub enum Kind {
 /// Markers of a ChArUco board.
 #[derive(Clone, Copy, Debug)]
 pub struct Charuco {
-    /// Dictionary of the markers.
+    /// Dictionary from which the markers of the board are taken.
     pub dictionary: Dictionary,
     /// Side of a marker, in sides of a square.
     pub marker: f64,
@@ -102,7 +102,7 @@ impl Charuco {
 pub struct Printed {
     /// Corners of the board: inner corners of squares, or the four corners of each tag.
     pub corners: Board,
-    /// Pattern of the board.
+    /// Pattern of the printed board.
     pub kind: Kind,
 }
 

@@ -15,7 +15,7 @@ const MOST_PIXELS: usize = 200_000;
 pub struct ExposedBurst {
     /// Calibration of the burst's camera.
     pub calibration: Calibration,
-    /// Relative codes of the frames.
+    /// Relative codes of the pixels of all frames of the burst.
     pub codes: Codes,
 }
 
@@ -34,7 +34,7 @@ pub fn exposed(folder: &Path) -> Result<ExposedBurst, RecordedError> {
     }
 }
 
-/// Relative codes of a burst's frames.
+/// Relative codes of the pixels of all frames of a burst.
 #[derive(Clone, Debug)]
 pub struct Codes {
     /// Relative codes of the frames, in ascending order of exposure.

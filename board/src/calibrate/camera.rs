@@ -18,7 +18,7 @@ pub(super) struct Camera(pub SVector<f64, INTRINSICS>);
 
 /// The image of a point with derivatives.
 pub(super) struct Projection {
-    /// Image of the point, pixels.
+    /// Image of the point in the picture, pixels.
     pub pixel: Vector2<f64>,
     /// Derivatives of `pixel` with respect to the point in the camera's axes.
     pub by_point: Matrix2x3<f64>,
@@ -37,7 +37,7 @@ impl Camera {
         Vector2::new(self.0[0], self.0[1])
     }
 
-    /// Returns the principal point, pixels.
+    /// Returns the principal point of the camera, pixels.
     pub fn centre(&self) -> Vector2<f64> {
         Vector2::new(self.0[2], self.0[3])
     }
@@ -81,7 +81,7 @@ impl Camera {
         Vector3::new(across.x, across.y, cos)
     }
 
-    /// Returns the image of `point`, pixels.
+    /// Returns the image of `point` in the camera's picture, pixels.
     pub fn pixel(&self, point: &Vector3<f64>) -> Vector2<f64> {
         let across = point.xy();
         let theta = across.norm().atan2(point.z);

@@ -16,7 +16,7 @@ pub(super) const FEWEST_BOARDS: usize = 3;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum LensRefusal {
-    /// There are fewer than three pictures.
+    /// There are fewer than three pictures of a board.
     #[error(
         "found {0} picture(s), expected at least 3, better 15 to 30: show the board at other places of the view and at other angles"
     )]
@@ -37,11 +37,11 @@ pub enum LensRefusal {
          squares meet (of an AprilGrid, the tags), light the board evenly, and hold it still and sharp"
     )]
     FewBoards {
-        /// Board that the request states.
+        /// Board that the calibration request states.
         board: Printed,
-        /// Number of pictures with a board.
+        /// Number of pictures in which a board was detected.
         found: usize,
-        /// Number of pictures in total.
+        /// Number of all pictures of the calibration.
         pictures: usize,
     },
     /// The board has more corners than stated.
@@ -49,7 +49,7 @@ pub enum LensRefusal {
         "found a board of more than {board} inner corners in {found} pictures, expected {board}: count its corners again and state them as --board"
     )]
     LargerBoard {
-        /// Board that the request states.
+        /// Board that the calibration request states.
         board: Board,
         /// Number of pictures that show more corners.
         found: usize,
@@ -59,9 +59,9 @@ pub enum LensRefusal {
         "found boards of at most {found} inner corners, expected {board}: give --board {found}, or show the whole board"
     )]
     SmallerBoard {
-        /// Board that the request states.
+        /// Board that the calibration request states.
         board: Board,
-        /// Largest board that was detected.
+        /// Largest board that was detected in the pictures.
         found: Board,
     },
     /// A picture shows two boards.
@@ -85,7 +85,7 @@ pub enum LensRefusal {
         "{name}: found a mirrored picture, expected all pictures the same way round: switch mirroring off in the camera, or flip the picture back"
     )]
     Mirrored {
-        /// Name of the mirrored picture.
+        /// Name of the picture with a mirrored board.
         name: String,
     },
     /// The boards of all pictures are mirrored.
@@ -96,10 +96,10 @@ pub enum LensRefusal {
     AllMirrored {
         /// Number of pictures with a mirrored board.
         found: usize,
-        /// Number of pictures in total.
+        /// Number of all pictures of the calibration.
         pictures: usize,
     },
-    /// The least-squares fit found no lens.
+    /// The least-squares fit found no lens that explains the corners.
     #[error(
         "found corners that fit no lens (error {rms_px:.1} px), expected at most {most_px:.1} px: keep the board flat, and take all pictures with one zoom and focus"
     )]
@@ -109,12 +109,12 @@ pub enum LensRefusal {
         /// Largest accepted root mean square error, pixels.
         most_px: f64,
     },
-    /// The corner detector refused a picture.
+    /// The corner detector returned an error for a picture.
     #[error("{name}: found {found}, expected a picture in which corners can be searched")]
     Detector {
         /// Name of the refused picture.
         name: String,
-        /// The error of the corner detector.
+        /// Error message of the corner detector.
         found: String,
     },
 }

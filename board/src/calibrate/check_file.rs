@@ -48,7 +48,7 @@ pub enum Fault {
     Uncertain {
         /// Path of the lens file.
         path: String,
-        /// Description of the lens.
+        /// Description of the lens that the file contains.
         found: String,
     },
     /// The exposure ratio estimated from the burst's pictures differs from the ratio in `burst.toml`.
@@ -56,11 +56,11 @@ pub enum Fault {
         "{path}: found exposures of the ratio {found:.2}, expected {expected:.2} as in burst.toml: calibrate the response, or check that the camera obeys its exposure settings"
     )]
     Exposures {
-        /// Path of the burst.
+        /// Path of the recorded burst.
         path: String,
         /// Exposure ratio estimated from the pictures of the burst.
         found: f64,
-        /// Exposure ratio that `burst.toml` states.
+        /// Ratio of two exposures that `burst.toml` states.
         expected: f64,
     },
     /// The burst was recorded in another mode of the camera.
@@ -68,7 +68,7 @@ pub enum Fault {
         "{path}: found {found} in its burst.toml, expected {expected} as in the lens file: calibrate in the mode of the probe"
     )]
     Mode {
-        /// Path of the burst.
+        /// Path of the recorded burst.
         path: String,
         /// Crop and binning of the burst, as text.
         found: String,
@@ -89,7 +89,7 @@ pub enum Fault {
         "{path}: found another lens in its burst.toml, expected that of the lens file: the calibration is not the one that the camera was used with"
     )]
     OtherLens {
-        /// Path of the burst.
+        /// Path of the recorded burst.
         path: String,
     },
 }

@@ -22,7 +22,7 @@ pub struct Circle {
 pub struct CircleLens {
     /// Lens model with its field of view.
     pub lens: Lens,
-    /// Columns and rows of the pictures.
+    /// Columns and rows of the pictures in which the circle was detected.
     pub size: [usize; 2],
     /// Image circle from which the lens was computed.
     pub circle: Circle,
@@ -53,7 +53,7 @@ pub enum CircleRefusal {
         deviation: f64,
         /// Angle around the circle's centre over which the rim was found, degrees.
         degrees: f64,
-        /// Largest accepted standard deviation, pixels.
+        /// Largest accepted standard deviation of the distance between the rim and a circle, pixels.
         most: f64,
     },
     /// The field of view is out of range, or the circle gives no valid lens.

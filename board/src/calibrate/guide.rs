@@ -33,7 +33,7 @@ pub enum Offer {
     Nothing,
     /// The board moved between the last two pictures.
     Moving,
-    /// The picture is blurred.
+    /// The picture of the board is blurred.
     Blurred,
     /// The board is at the position that it has in a stored picture.
     Known,
@@ -61,7 +61,7 @@ impl Offer {
     }
 }
 
-/// Number of board corners in each part of the field of view.
+/// Numbers of board corners in each part of the field of view.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ViewCoverage {
     /// Number of corners by ring, from the centre to the rim, and by sector, clockwise from the right.
@@ -124,18 +124,18 @@ pub struct Guide {
     found: Vec<Found>,
     /// Corners of the board in the picture that was offered last.
     last: Vec<Sighting>,
-    /// Number of pictures that were offered.
+    /// Number of pictures that were offered to the guide.
     offered: usize,
 }
 
 impl Guide {
-    /// Creates a guide without pictures.
+    /// Creates a guide for `request` without pictures.
     #[must_use]
     pub fn new(request: Request) -> Self {
         Self { request, size: None, pictures: Vec::new(), found: Vec::new(), last: Vec::new(), offered: 0 }
     }
 
-    /// Creates a guide without stored pictures.
+    /// Returns the number of pictures that the guide has accepted.
     #[must_use]
     pub fn views(&self) -> usize {
         self.pictures.len()

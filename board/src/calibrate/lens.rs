@@ -23,9 +23,9 @@ const BEYOND: f64 = 0.14;
 /// A detected corner and its distance from the computed pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Residual {
-    /// Pixel of the detected corner.
+    /// Pixel at which the corner was detected.
     pub at: DVec2,
-    /// Detected minus computed pixel.
+    /// Detected pixel minus the pixel that the fitted lens predicts.
     pub off: DVec2,
 }
 
@@ -45,7 +45,7 @@ pub struct Used {
 pub struct Calibrated {
     /// Lens model with its field of view.
     pub lens: Lens,
-    /// Columns and rows of the pictures.
+    /// Columns and rows of the pictures of the calibration.
     pub size: [usize; 2],
     /// Board that the pictures show.
     pub board: Printed,
@@ -63,7 +63,7 @@ pub struct Calibrated {
     pub deviations: Deviations,
     /// Uncertainty of directions by angle from the axis.
     pub spread: Vec<Spread>,
-    /// Residuals of all accepted corners.
+    /// Residuals of all accepted corners of all pictures.
     pub residuals: Vec<Residual>,
     /// Largest distance of the board from a plane, in squares.
     pub bulge: f64,

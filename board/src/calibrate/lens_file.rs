@@ -23,7 +23,7 @@ pub enum FileRefusal {
     Io {
         /// Path of the lens file.
         path: String,
-        /// Description of the error.
+        /// Description of the error in the file.
         found: String,
     },
 }
@@ -80,7 +80,7 @@ pub(super) fn read(path: &Path, force: bool) -> Result<DocumentMut, FileRefusal>
     }
 }
 
-/// The accuracy of a lens.
+/// The accuracy of a lens, as the table `[calibration]` of a lens file states it.
 #[derive(Clone, Copy, Debug)]
 struct Accuracy {
     /// Mean uncertainty of directions over the angles from the axis, degrees.

@@ -57,7 +57,7 @@ pub enum Unseen {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PhotometricRefusal {
-    /// The source delivered no bursts.
+    /// The source of the camera delivered no bursts.
     #[error("source: found {0}, expected bursts")]
     Source(String),
     /// The calibration of the source does not allow a radiance map.

@@ -39,7 +39,7 @@ pub enum KeepRefusal {
 /// A photometric reading and the values that are stored with it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Kept<'a> {
-    /// The measured factor.
+    /// The measured factor, which is added to the file.
     pub reading: &'a FactorReading,
     /// Class of the light source.
     pub class: &'a str,
@@ -52,7 +52,7 @@ pub struct Kept<'a> {
 pub struct KeptReadings {
     /// The photometric factor that results from the readings.
     pub factor: Factor,
-    /// Number of readings of the class.
+    /// Number of readings of the class in the file.
     pub count: usize,
 }
 

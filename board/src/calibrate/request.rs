@@ -8,7 +8,7 @@ use super::grey::Grey;
 pub struct Picture {
     /// Name of the picture, usually its file.
     pub name: String,
-    /// Samples of the picture.
+    /// Grey samples of the picture.
     pub grey: Grey,
 }
 

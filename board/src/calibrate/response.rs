@@ -33,7 +33,7 @@ const RATIO_WEIGHT: f64 = 30.0;
 pub struct Exposed {
     /// Declared exposure of the frame: time in seconds times gain.
     pub exposure: f64,
-    /// Relative codes of the frame's pixels.
+    /// Relative codes of the pixels of the frame.
     pub codes: Vec<[f32; 3]>,
 }
 
@@ -41,7 +41,7 @@ pub struct Exposed {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ResponseRefusal {
-    /// The burst has too few frames.
+    /// The burst has fewer frames than a response needs.
     #[error("found {0} frame(s), expected at least 3 exposures of one still scene")]
     FewFrames(usize),
     /// Too few pixels are well exposed in two neighbouring frames.
@@ -60,9 +60,9 @@ pub enum ResponseRefusal {
          switch off automatic exposure, gain and white balance, wide dynamic range and tone mapping"
     )]
     Ratio {
-        /// Exposure ratio estimated from the pictures.
+        /// Ratio of two exposures that is estimated from the pictures.
         estimated: f64,
-        /// Declared exposure ratio.
+        /// Ratio of the two exposures that `burst.toml` declares.
         declared: f64,
     },
     /// The frames contradict each other at the fitted response.
@@ -74,7 +74,7 @@ pub enum ResponseRefusal {
     Contradiction {
         /// Median disagreement of neighbouring frames' relative exposures, per cent.
         percent: f64,
-        /// Largest accepted median disagreement, per cent.
+        /// Largest accepted median disagreement of the frames, per cent.
         most_percent: f64,
     },
 }

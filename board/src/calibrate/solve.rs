@@ -24,7 +24,7 @@ type Column = SVector<f64, SHARED>;
 pub(super) struct Model {
     /// Camera that took all pictures.
     pub camera: Camera,
-    /// Shape of the board.
+    /// Shape of the board, bent and sheared.
     pub shape: Shape,
     /// True if all coefficients of the radial law are fitted, false if only those are fitted that a lens file stores.
     pub rich: bool,
@@ -61,7 +61,7 @@ impl Model {
 /// The corners detected in one picture and the pose of its board.
 #[derive(Clone, Debug)]
 pub(super) struct View {
-    /// Corners detected in the picture.
+    /// Corners of the board that were detected in the picture.
     pub seen: Vec<Sighting>,
     /// Pose of the board in the picture.
     pub pose: Pose,
@@ -74,7 +74,7 @@ impl View {
     }
 }
 
-/// The parameters that a fit varies.
+/// Parameters of a camera that a fit varies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Free {
     /// Intrinsic parameters, shape of the board, and poses.

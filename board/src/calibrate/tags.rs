@@ -32,7 +32,7 @@ const TAG_BORDERS: [usize; 2] = [2, 1];
 /// The marks of a printed board and their positions.
 struct Marks {
     matcher: Matcher,
-    /// Side of a mark, in cells.
+    /// Side of the printed mark, in cells.
     side: f64,
     borders: &'static [usize],
     /// Upper left corner of each mark's cell on the board, by the number of the mark.

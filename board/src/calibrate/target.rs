@@ -8,7 +8,7 @@ use std::fmt::Write;
 /// A board with its printed size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Target {
-    /// Board with its pattern.
+    /// The board and its pattern.
     pub printed: Printed,
     /// Side of a square or a tag, millimetres.
     pub square_mm: f64,
@@ -17,9 +17,9 @@ pub struct Target {
 /// A black rectangle of a printed board, in squares or tags from the corner of the board.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ink {
-    /// Left and top edge of the rectangle.
+    /// Left and top edge of the rectangle, in squares or tags from the left and top edge of the board.
     pub at: [f64; 2],
-    /// Width and height of the rectangle.
+    /// Width and height of the rectangle, in squares or tags.
     pub size: [f64; 2],
 }
 

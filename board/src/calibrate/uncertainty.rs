@@ -12,7 +12,7 @@ const AZIMUTHS: u32 = 24;
 /// Uncertainty of the directions at one angle from the axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread {
-    /// Angle from the axis, degrees.
+    /// Angle between the direction and the axis of the lens, degrees.
     pub angle_deg: f64,
     /// Standard deviation of a direction, degrees. It combines `law_deg` with the larger of two figures: the effect of the noise of the
     /// corners, and half of `halves_deg`.

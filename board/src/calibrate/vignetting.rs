@@ -38,7 +38,7 @@ pub struct FittedVignetting {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum VignettingRefusal {
-    /// There are too few readings.
+    /// There are too few readings of the vignetting.
     #[error(
         "found {0} reading(s), expected at least 5: show the screen at 5 or more angles from the axis to the rim"
     )]
@@ -48,9 +48,9 @@ pub enum VignettingRefusal {
         "found readings from {from_deg:.0} to {to_deg:.0} degrees, expected some within 15 degrees of the axis and some beyond 40"
     )]
     Range {
-        /// Angle of the innermost reading, degrees.
+        /// Angle of the innermost reading from the axis of the lens, degrees.
         from_deg: f64,
-        /// Angle of the outermost reading, degrees.
+        /// Angle of the outermost reading from the axis of the lens, degrees.
         to_deg: f64,
     },
     /// The readings do not fit a polynomial.

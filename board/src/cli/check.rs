@@ -52,7 +52,7 @@ struct Report {
     frames: Vec<Delivered>,
 }
 
-/// A frame that the camera delivered.
+/// A frame that the camera delivered during the check.
 #[derive(Debug, Serialize)]
 struct Delivered {
     sequence: u32,

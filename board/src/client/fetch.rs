@@ -18,7 +18,7 @@ pub(super) struct Fetcher {
 
 /// Reasons why a request returned no light set.
 pub(super) enum Trouble {
-    /// The request has timed out.
+    /// The probe did not answer within the time limit.
     Silence,
     /// The request has failed otherwise, as described.
     Other(String),

@@ -200,7 +200,7 @@ enum Verdict {
     Unknown,
     /// Too few earlier bursts are known to decide whether the ratio of the two frames is a fault.
     Doubtful,
-    /// The frames show the same light.
+    /// The two compared frames show the same light.
     Agrees,
     /// One of the two frames is wrong; the comparison does not show which.
     Differs(FrameFault),
@@ -280,7 +280,7 @@ fn worst(kept: &[usize], verdicts: &Verdicts) -> Option<Wrong> {
 /// A frame that was left out of a recorded burst.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LeftOut {
-    /// File name of the frame.
+    /// Name of the frame's file in the folder of the burst.
     pub file: String,
     /// Index of the frame in its burst, in ascending order of exposure.
     pub index: usize,

@@ -21,7 +21,7 @@ use std::fmt::{self, Display, Write};
 pub enum Form {
     /// JSON with all values of a set.
     Json,
-    /// Plain text, one light per line.
+    /// Plain text with one light per line.
     Text,
     /// XML with one element per light.
     Xml,
@@ -45,9 +45,9 @@ pub enum ExportError {
     /// The form cannot state the requested coordinate axes.
     #[error("coordinates {found} with format {form}: expected {expected}")]
     Axes {
-        /// Name of the export form.
+        /// Name of the export form that does not support the axes.
         form: &'static str,
-        /// Name of the requested axes.
+        /// Name of the axes that were requested.
         found: &'static str,
         /// Names of the axes that the form can state.
         expected: &'static str,

@@ -22,7 +22,7 @@ const SATURATED: f64 = 0.93;
 /// The range of a camera's exposure times, seconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimeRange {
-    /// Shortest exposure time, seconds.
+    /// Shortest exposure time that a plan may contain, seconds.
     pub shortest_s: f64,
     /// Longest exposure time at the frame rate, seconds.
     pub longest_s: f64,
@@ -89,7 +89,7 @@ impl Limits {
 /// A radiance of the scene and the fraction of the pixels that have it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RadianceShare {
-    /// Radiance: relative exposure per second.
+    /// Radiance of the pixels of the share: relative exposure per second.
     pub radiance: f64,
     /// Fraction of the pixels, 0 to 1.
     pub share: f64,

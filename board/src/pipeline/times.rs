@@ -17,7 +17,7 @@ pub struct Times {
 }
 
 impl Times {
-    /// Returns the durations multiplied by `factor`.
+    /// Returns the durations of all stages multiplied by `factor`.
     #[must_use]
     pub fn slowed(&self, factor: f32) -> Self {
         let slowed = |d: Duration| Duration::try_from_secs_f32(d.as_secs_f32() * factor).unwrap_or(d);

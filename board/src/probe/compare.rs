@@ -158,7 +158,7 @@ pub(super) struct SecondarySlot {
     secondary: Option<SecondarySampler>,
 }
 
-/// The second sampler with its memory.
+/// The second sampler of `/v1/compare` with its memory.
 struct SecondarySampler {
     contender: Contender,
     made_for: MadeFor,

@@ -26,7 +26,7 @@ pub fn merge_name(mode: MergeMode) -> &'static str {
     MERGES.iter().find(|(_, m)| *m == mode).map_or("", |(name, _)| name)
 }
 
-/// The values of all settings.
+/// The values of all settings of the probe.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Config {
     /// Settings of the sampler and of the map.

@@ -17,7 +17,7 @@ pub struct Applied {
     pub refused: Option<Refusal>,
 }
 
-/// A requested configuration and its number.
+/// A configuration that a client requests, and the serial number of the request.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct SettingsRequest {
     pub(super) config: Config,

@@ -30,7 +30,7 @@ pub struct BurstView {
 /// The polar map of a frame with its lights.
 #[derive(Clone, Debug)]
 pub struct MapView {
-    /// Grid of the polar map.
+    /// Numbers of rows and columns of the polar map.
     pub grid: Grid,
     /// Energy of each texel: radiance times solid angle, red, green and blue.
     pub texels: Vec<[f32; 3]>,
@@ -110,7 +110,7 @@ impl<T> Slot<T> {
 pub struct Views {
     /// Requests for the frames of the newest burst.
     pub bursts: Slot<BurstView>,
-    /// Requests for the newest polar map.
+    /// Clients' requests for the newest polar map.
     pub maps: Slot<MapView>,
 }
 

@@ -38,7 +38,7 @@ fn version_one() -> i64 {
 /// Contents of a lens file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LensFile {
-    /// Lens model of the file.
+    /// Lens model that the file states.
     pub lens: Lens,
     /// Columns and rows of the images to which the lens applies.
     pub size: [u32; 2],

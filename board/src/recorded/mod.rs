@@ -184,7 +184,7 @@ fn check_bytes(folder: &Path, bytes: u64, limits: &ReadLimits) -> Result<(), Rec
     Err(RecordedError::new(folder, found, format!("at most {} MB", limits.max_burst_bytes >> 20)))
 }
 
-/// The samples of one decoded image.
+/// The samples of one decoded image file.
 struct Image {
     layout: Layout,
     pixels: Pixels,

@@ -9,15 +9,15 @@ use std::path::Path;
 #[derive(Deserialize, Default)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SensorTable {
-    /// Code of black.
+    /// Sensor code of black.
     pub(super) black: Option<f64>,
-    /// Code of relative exposure 1.
+    /// Sensor code of relative exposure 1.
     pub(super) white: Option<f64>,
     /// Factors of the red, green and blue relative exposure.
     pub(super) white_balance: Option<[f32; 3]>,
-    /// Read noise, codes RMS; with `codes_per_electron`.
+    /// Read noise of the sensor, codes RMS; stated together with `codes_per_electron`.
     read_noise: Option<f64>,
-    /// Codes per electron.
+    /// Sensor codes per electron.
     codes_per_electron: Option<f64>,
 }
 

@@ -33,7 +33,7 @@ pub enum Access {
     Open,
     /// The request must carry the token or the session cookie.
     Token {
-        /// The token that clients must send.
+        /// The token that clients must send for protected requests.
         token: Token,
         /// The value of the session cookie, random for each run of the program.
         session: Token,
@@ -198,7 +198,7 @@ pub(super) struct LogIn {
     token: String,
 }
 
-/// Answers with the log-in form.
+/// Answers a request for `/login` with the log-in form.
 pub(super) async fn form(State(context): State<Context>) -> Response {
     match context.admission.access {
         Access::Open => no_token(),

@@ -38,9 +38,9 @@ pub(super) struct Counts {
     /// Number of answers by route and class of status; the last route counts the answers to unknown paths.
     pub(super) requests: [[AtomicU64; CLASSES]; PATHS.len() + 1],
     refused: [Refused; REASONS.len()],
-    /// Number of open connections.
+    /// Number of open connections to the server.
     pub(super) open: AtomicU64,
-    /// Number of accepted connections.
+    /// Number of connections accepted since the start of the server.
     pub(super) accepted: AtomicU64,
     /// Number of open streams of server-sent events and of open WebSockets.
     pub(super) streams: AtomicU64,

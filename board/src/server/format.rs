@@ -21,7 +21,7 @@ pub(super) enum Format {
     Text,
     Xml,
     Binary,
-    /// JSON as a server-sent event.
+    /// A light set as JSON in a server-sent event.
     Event,
     /// A server-sent event as a part of a gzip stream.
     PackedEvent,

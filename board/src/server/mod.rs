@@ -101,7 +101,7 @@ impl Default for Options {
     }
 }
 
-/// The state that all handlers share.
+/// The server's state that all request handlers share.
 type Context = Arc<HandlerState>;
 
 struct HandlerState {

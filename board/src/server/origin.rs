@@ -16,11 +16,11 @@ use std::convert::Infallible;
 /// The program or page that caused a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Cause {
-    /// A program, not a browser.
+    /// The request is of a program that is not a browser.
     Program,
     /// A page of this server, or of an allowed origin.
     OwnPage,
-    /// A page of another site.
+    /// The request is of a page of another site.
     ForeignPage,
     /// A browser's request that does not state a page: a typed address, or a page that suppresses its referrer.
     Unproven,

@@ -1,4 +1,4 @@
-//! The paths of all requests.
+//! The paths of all requests of the server.
 
 /// The paths of all requests, as `/openapi.json` writes them.
 pub(super) const PATHS: [&str; 32] = [

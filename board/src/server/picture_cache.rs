@@ -27,13 +27,13 @@ pub(super) enum PictureKind {
     Exposure(usize, Option<u16>),
     /// The best exposure of a burst whose exposures all began after the request.
     Capture,
-    /// The tone-mapped map.
+    /// The map, tone-mapped to 8 bits.
     Map(MapForm),
     /// The map as JPEG, whose codes span the whole range of radiance.
     MapJpeg,
-    /// The map as OpenEXR.
+    /// The map as an OpenEXR file.
     MapExr(MapForm),
-    /// The map as Radiance HDR.
+    /// The map as a Radiance HDR file.
     MapHdr(MapForm),
     /// The mask of unseen and clipped directions.
     Mask,
@@ -54,7 +54,7 @@ pub(super) enum View<T> {
     },
     /// The view is older than this request: another view is requested.
     TooOld,
-    /// There is no frame or map.
+    /// There is no frame or map for the picture.
     None,
 }
 
@@ -63,13 +63,13 @@ pub(super) enum View<T> {
 pub(super) enum Told {
     /// The answer has no header about the picture.
     Nothing,
-    /// The exposure of the picture.
+    /// The exposure that the picture shows.
     Shot(Shot),
     /// The radiance that the middle code of the picture's range stands for.
     Grey(f32),
 }
 
-/// The exposure that a picture shows.
+/// The exposure of a burst that a picture shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Shot {
     /// Number of exposures of the burst of the picture.
@@ -94,14 +94,14 @@ pub(super) struct Picture {
     pub(super) is_fresh: bool,
 }
 
-/// Reasons for a missing picture.
+/// Reasons why a picture cannot be returned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum NoPicture {
     /// There is no frame or map to render.
     NoView,
     /// The answers in progress have used up the memory limit.
     Full,
-    /// The picture could not be encoded.
+    /// The encoder of the picture returned an error.
     Fault,
 }
 

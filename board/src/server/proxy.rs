@@ -16,7 +16,7 @@ const X_FORWARDED_PROTO: HeaderName = HeaderName::from_static("x-forwarded-proto
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Proxies(Vec<IpAddr>);
 
-/// The scheme of a client's request.
+/// The scheme of a client's request to the server or its proxy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Scheme {
     Http,

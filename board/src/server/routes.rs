@@ -1,4 +1,4 @@
-//! The routes of all requests.
+//! The routes of all requests of the server.
 
 use super::format::Format;
 use super::paths::PATHS;

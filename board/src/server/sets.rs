@@ -42,7 +42,7 @@ pub(super) struct EncodedSets {
     memory: Arc<AnswerMemory>,
 }
 
-/// The cached bytes of one variant.
+/// The cached bytes of a light set in one variant.
 #[derive(Default)]
 struct Entry {
     encoded: Mutex<Encoded>,
@@ -73,13 +73,13 @@ impl Key {
 /// Reasons why a requested set is not encoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Missing {
-    /// There is no light set yet.
+    /// The probe has not published a light set yet.
     NoSet,
     /// The answers in progress have used up the memory limit.
     Full,
     /// An answer with this number of lights would exceed the limit on the length of an answer.
     TooLong(usize),
-    /// A programming error occurred.
+    /// A programming error occurred while the set was encoded.
     Fault,
 }
 

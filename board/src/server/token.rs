@@ -16,7 +16,7 @@ const RANDOM_BYTES: usize = 32;
 /// Shortest accepted token, characters: ten random characters cannot be guessed over the network.
 const LEAST: usize = 16;
 
-/// Longest accepted token, characters.
+/// Largest number of characters of an accepted token.
 const MOST: usize = 256;
 
 /// A secret text that no log, error or debug text contains.
@@ -49,7 +49,7 @@ pub enum TokenError {
         path: PathBuf,
         /// User id of the owner of the token file.
         owner: u32,
-        /// User id of the process.
+        /// Id of the user that runs the process.
         user: u32,
     },
     /// The token file does not contain exactly one token.
@@ -71,14 +71,14 @@ fn is_empty_file(file: &File) -> std::io::Result<bool> {
 /// A token that was read from a file, or created with it.
 #[derive(Clone, Debug)]
 pub struct LoadedToken {
-    /// The token in the file.
+    /// The token that the file contains.
     pub token: Token,
     /// True if the file was missing or empty and was created.
     pub is_new: bool,
 }
 
 impl Token {
-    /// Creates a random token.
+    /// Creates a token from the random numbers of the operating system.
     ///
     /// # Errors
     /// [`TokenError::Random`] where the operating system provides no random numbers.

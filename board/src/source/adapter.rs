@@ -14,7 +14,7 @@ pub trait Adapter: Send {
     /// Returns the inner source, whose bursts the adapter changes.
     fn inner(&self) -> &dyn Source;
 
-    /// Returns the inner source for changes.
+    /// Returns the inner source, for changes of its state.
     fn inner_mut(&mut self) -> &mut dyn Source;
 
     /// Implements [`Source::next`] for the adapter.

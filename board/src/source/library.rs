@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 /// Largest number of entries of a library folder that are read.
 const MOST: usize = 500;
 
-/// File extensions of environment maps.
+/// Extensions of the files that are environment maps.
 const MAPS: [&str; 4] = ["exr", "hdr", "pic", "pfm"];
 
 /// The source at the start, the built-in scenes, and the contents of the library folders.

@@ -38,13 +38,13 @@ use std::path::{Path, PathBuf};
 /// The factor from relative units to cd/m2 for radiance and to lux for irradiance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lux {
-    /// Lux per unit of relative irradiance.
+    /// Illuminance per unit of relative irradiance, lux.
     pub factor: f64,
     /// Relative uncertainty of `factor`, with 95 % coverage.
     pub uncertainty: f32,
 }
 
-/// A source of bursts.
+/// A source of bursts of exposures, such as a camera or a recording.
 pub trait Source: Send {
     /// Returns the calibration of the source's camera. The value changes only during [`Source::next`], when a camera is connected after the
     /// source was opened.
@@ -128,9 +128,9 @@ pub enum SourceError {
 /// A source with its options, as the option `--source` describes it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Spec {
-    /// A built-in scene.
+    /// A built-in scene of this name.
     Scene(&'static str),
-    /// A recorded burst or sequence.
+    /// A recorded burst, or a sequence of bursts, in this folder.
     Replay(PathBuf),
     /// An environment map or a folder of them.
     #[cfg(feature = "maps")]
@@ -149,13 +149,13 @@ pub enum OpenError {
     /// The kind of the source is unknown.
     #[error("found '{0}', expected v4l2:PATH, pipe:PATH, scene:NAME, env:PATH or replay:DIR")]
     Unknown(String),
-    /// This build does not support cameras.
+    /// This build of the program does not support cameras.
     #[error("found '{0}', but this build has no V4L2 support: expected scene:NAME or replay:DIR")]
     NoV4l2(String),
     /// The options of an environment map are invalid.
     #[error("env: {0}")]
     MapOptions(String),
-    /// The map cannot be read.
+    /// The environment map cannot be read.
     #[cfg(feature = "maps")]
     #[error(transparent)]
     Map(#[from] crate::maps::MapError),

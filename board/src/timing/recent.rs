@@ -10,7 +10,7 @@ const HALF: Duration = Duration::from_secs(30);
 /// Percentiles of a stage's durations over the last 30 to 60 seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Percentiles {
-    /// Median of the stage's durations, microseconds.
+    /// Median of the stage's durations over the last minute, microseconds.
     pub p50: u32,
     /// 95th percentile of the stage's durations, microseconds.
     pub p95: u32,

@@ -194,7 +194,7 @@ impl Camera {
         self.sure.then(|| self.schedule.delay())
     }
 
-    /// Returns the interval between two frames.
+    /// Returns the interval between two frames of the camera.
     #[must_use]
     pub fn period(&self) -> Duration {
         Duration::from_secs_f64(self.setup.period_s)

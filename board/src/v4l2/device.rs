@@ -22,7 +22,7 @@ const MAX_RATES: u32 = 64;
 pub struct Description {
     /// Device node of the camera.
     pub path: PathBuf,
-    /// Name that the driver reports.
+    /// Name of the camera that its driver reports.
     pub name: String,
     /// Bus address of the camera.
     pub bus: String,
@@ -40,7 +40,7 @@ pub struct Description {
     pub sensor_name: Option<String>,
     /// The media device whose graph connects the sensor with the node.
     pub media: Option<PathBuf>,
-    /// Modes of the sensor.
+    /// Modes of the camera's sensor.
     pub modes: Vec<ModeInfo>,
 }
 
@@ -66,7 +66,7 @@ pub struct FormatInfo {
     pub description: String,
     /// Whether this program can read frames of the format.
     pub readable: bool,
-    /// Frame sizes of the format.
+    /// Frame sizes that the camera offers in the format.
     pub sizes: Vec<SizeInfo>,
 }
 

@@ -29,7 +29,7 @@ impl ExposureSetting {
 /// The control that sets the exposure of a camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Knob {
-    /// Description of the exposure control.
+    /// Properties of the exposure control, as the driver describes them.
     pub info: Info,
     /// Unit of the exposure control's values.
     pub unit: ControlUnit,
@@ -88,7 +88,7 @@ fn line_s(node: &mut dyn Node, width: u32) -> Option<f64> {
 pub struct BlackLevel {
     /// Code of a sample of the sensor without light.
     pub code: u32,
-    /// Number of bits of `code`.
+    /// Number of bits of a sample for which `code` is stated.
     pub bits: u32,
 }
 
@@ -213,7 +213,7 @@ const AUTOMATICS: [u32; 11] = [
 /// A control that keeps one value while the camera streams.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Held {
-    /// Description of the held control.
+    /// Properties of the control that is held at one value, as the driver describes them.
     pub info: Info,
     /// Value that was written to the held control.
     pub wanted: i64,

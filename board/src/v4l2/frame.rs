@@ -11,7 +11,7 @@ pub struct Counters {
     pub frames: u64,
     /// Number of frames that the sensor counted and the driver did not deliver.
     pub lost: u64,
-    /// Number of dropped frames, by fault.
+    /// Numbers of dropped frames by their fault.
     pub broken: Broken,
     /// Number of exposure writes that were skipped because they would have acted too late.
     pub late: u64,
@@ -84,12 +84,12 @@ impl Counters {
     }
 }
 
-/// Number of dropped frames, by fault.
+/// Numbers of a camera's dropped frames by their fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Broken {
     /// Number of frames with the driver's error flag.
     pub flagged: u64,
-    /// Number of frames without a byte.
+    /// Number of dropped frames that have no byte.
     pub empty: u64,
     /// Number of frames with fewer bytes than the format requires.
     pub short: u64,
@@ -158,7 +158,7 @@ pub struct Taken {
     /// Index of the frame's exposure in the camera's settings; `None` if the frame may have one of several
     /// exposures.
     pub slot: Option<usize>,
-    /// Origin of the frame's exposure.
+    /// How the exposure of the frame is known.
     pub known: Known,
 }
 

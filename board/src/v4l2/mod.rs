@@ -99,9 +99,9 @@ pub enum Call<'a> {
 /// The events for which a wait on a device node has ended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Ready {
-    /// A frame can be dequeued.
+    /// True if a frame can be dequeued.
     pub frame: bool,
-    /// An event can be dequeued.
+    /// True if an event can be dequeued.
     pub event: bool,
     /// The device is gone or its queue of buffers is broken.
     pub gone: bool,
@@ -169,7 +169,7 @@ pub enum CameraError {
     Failed {
         /// Path of the device node.
         path: PathBuf,
-        /// Name of the request that failed.
+        /// Name of the kernel request that failed.
         operation: &'static str,
         /// Description of the kernel's error number.
         errno: String,

@@ -18,9 +18,9 @@ const SLOWEST: f64 = 0.85;
 /// The media bus format in which a node receives the frames of its sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Carried {
-    /// Media bus code of the frames.
+    /// Media bus code of the frames on the pad.
     pub code: u32,
-    /// Size of the frames.
+    /// Size of the frames on the pad.
     pub size: Size,
 }
 

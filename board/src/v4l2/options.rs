@@ -25,7 +25,7 @@ pub struct LensFit {
     /// Part of the sensor that the pictures cover, if the lens file contains it; the lens can then be converted to other
     /// parts.
     pub shown: Option<Shown>,
-    /// Lens model in the lens file.
+    /// Lens model that the lens file states.
     pub lens: Lens,
 }
 
@@ -88,7 +88,7 @@ impl Options {
 /// A requested property and the value that the camera granted.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Agreed {
-    /// Name of the option.
+    /// Name of the option whose value was not granted as requested.
     pub what: &'static str,
     /// Description of the requested value.
     pub asked: String,

@@ -16,7 +16,7 @@ pub(super) struct CameraNodes {
     pub sensor: Option<Box<dyn Node>>,
     /// Properties of the sensor model, if the table has it.
     pub known: Option<&'static Sensor>,
-    /// Requested size of the pictures.
+    /// Size of the pictures that the options request.
     pub asked: Size,
     pub granted: abi::PixelFormat,
     /// Links and pad formats that are restored when the camera is closed.

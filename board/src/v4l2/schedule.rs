@@ -12,7 +12,7 @@ pub const MAX_DELAY: u32 = 8;
 /// Number of logged writes: more than the longest delay and the longest queue of frames together.
 const KEPT: usize = 64;
 
-/// Origin of a frame's exposure.
+/// How the exposure of a frame is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Known {
     /// The camera reported the exposure with the frame.
@@ -45,7 +45,7 @@ impl Known {
 struct Write {
     /// Sequence number of the newest frame that the sensor had finished before the write.
     after: u32,
-    /// Index of the written exposure.
+    /// Index of the written exposure in the list of exposures.
     slot: usize,
     /// Number of frames, from the first on which the write can act, whose exposure is uncertain because of a late write.
     doubt: u32,
@@ -59,7 +59,7 @@ pub struct Schedule {
     writes: VecDeque<Write>,
     /// Index of the exposure that acts before the first write.
     initial: usize,
-    /// Whether `initial` is certain.
+    /// Whether the exposure `initial` is certain.
     initial_certain: bool,
 }
 
@@ -71,7 +71,7 @@ pub const fn is_after(a: u32, b: u32) -> bool {
 
 /// The exposure that acts on a frame.
 struct Acting {
-    /// Index of the exposure.
+    /// Index of the frame's exposure in the list of exposures.
     slot: usize,
     /// False if the write of the exposure may have been too late for the frame.
     certain: bool,

@@ -5,9 +5,9 @@ use std::fmt;
 /// Columns and rows of a picture or of a part of a sensor, pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Size {
-    /// Number of columns.
+    /// Number of columns of the picture or sensor.
     pub width: u32,
-    /// Number of rows.
+    /// Number of rows of the picture or sensor.
     pub height: u32,
 }
 
@@ -18,7 +18,7 @@ impl Size {
         Self { width, height }
     }
 
-    /// Returns the number of pixels.
+    /// Returns the number of pixels, width times height.
     #[must_use]
     pub fn area(self) -> u64 {
         u64::from(self.width) * u64::from(self.height)

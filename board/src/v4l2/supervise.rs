@@ -15,12 +15,12 @@ const RETRY: Duration = Duration::from_secs(1);
 /// Longest wait in [`Supervisor::step`], which bounds the latency of a shutdown.
 const WAIT: Duration = Duration::from_millis(250);
 
-/// The result of [`Supervisor::step`].
+/// Result of one call of [`Supervisor::step`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Outcome {
     /// A complete frame was received.
     Frame,
-    /// No frame was received yet.
+    /// No frame was received during the step.
     Nothing,
     /// The camera is closed; the text is the reason.
     Down(String),

@@ -41,7 +41,7 @@ pub struct CodeCurve {
     pub response: Response,
     /// Relative code of black, 0 to 1.
     pub black: f64,
-    /// Relative code of relative exposure 1.
+    /// Relative code of a sample at relative exposure 1.
     pub white: f64,
 }
 
@@ -59,14 +59,14 @@ pub struct Verifier {
     anchors: VecDeque<Anchor>,
 }
 
-/// A frame whose exposure is certain.
+/// A frame whose exposure is certain, with which later frames are compared.
 #[derive(Debug, Default)]
 struct Anchor {
     sequence: u32,
     codes: Vec<f32>,
 }
 
-/// Brightness ratio of two frames.
+/// Ratio of the brightnesses of two frames.
 #[derive(Clone, Copy, Debug)]
 struct FramePair {
     /// Sequence number of the older frame.

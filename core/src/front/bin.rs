@@ -16,7 +16,7 @@ pub(super) struct Bins<'a> {
     pub(super) first: usize,
     /// Binary logarithm of the number of cells that form a binned cell on each side, at least 1.
     pub(super) log2: u32,
-    /// Smallest code that counts as saturated.
+    /// Smallest sample code that counts as saturated.
     pub(super) saturated: u16,
     /// Largest code of the format, which represents a saturated mean.
     pub(super) most: u16,

@@ -18,7 +18,7 @@ pub(super) struct Products {
     pub(super) reciprocals: [i16; 4 * CHUNK + 4],
 }
 
-/// The merged samples of a chunk.
+/// The merged samples of a chunk of an image row.
 pub(super) enum MergedChunk<'s> {
     Counts(&'s mut Counts),
     Products(&'s mut Products),

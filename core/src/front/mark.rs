@@ -19,7 +19,7 @@ impl Mark {
         quad.moment[3] = f32::from_bits(bits);
     }
 
-    /// Returns the marks of `quad`.
+    /// Returns the marks that are stored in `quad`.
     #[inline]
     pub(crate) fn of(quad: &Quad) -> Self {
         let bits = quad.moment[3].to_bits();

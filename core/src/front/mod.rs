@@ -244,7 +244,7 @@ pub(crate) struct Excluded {
     clipped: u64,
     /// Sums per lane of the light of clipped pixels times the cosine of the angle to the zenith.
     clipped_light: [f32; 4],
-    /// Number of pixels that were processed.
+    /// Number of pixels of the burst that were processed.
     pixels: u32,
     /// Number of exposures that were read, summed over the pixels.
     read: u32,

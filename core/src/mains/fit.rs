@@ -57,7 +57,7 @@ pub(super) fn fraction(turns: f64) -> f64 {
 /// The fit to the newest bursts of a window.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fit {
-    /// Number of bursts that are fitted.
+    /// Number of bursts to which the model is fitted.
     pub bursts: usize,
     terms: usize,
     /// Coefficients of each term: the amplitude of the term is the scalar product of its row and the values.
@@ -182,7 +182,7 @@ impl Estimate {
         if self.mean > 0.0 { libm::hypotf(cos, sin) / self.mean } else { 0.0 }
     }
 
-    /// Returns the variance of the residuals.
+    /// Returns the variance of the residuals of the fit.
     pub fn variance(&self) -> f32 {
         self.squares / self.freedom.max(1.0)
     }

@@ -109,7 +109,7 @@ pub struct Mains<B> {
 /// The state of [`Mains`] without its cells.
 #[derive(Clone, Copy, Debug)]
 struct MainsState {
-    /// HEALPix order of the cells.
+    /// HEALPix order of the cells whose light is fitted.
     order: u8,
     lamps: Lamps,
     window: Window,
@@ -149,7 +149,7 @@ impl<B: Buffer<Cell>> Mains<B> {
         }
     }
 
-    /// Discards all earlier bursts.
+    /// Discards the light of all earlier bursts.
     pub fn restart(&mut self) {
         self.state.restart(self.cells.as_mut());
     }

@@ -1,4 +1,4 @@
-//! Times of the last bursts.
+//! The window of the last bursts: their times.
 
 /// Largest number of bursts in a fit: about one and a half seconds at ten bursts per second.
 pub(super) const WINDOW: usize = 16;

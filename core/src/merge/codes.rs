@@ -54,7 +54,7 @@ pub enum Codes<'a> {
 }
 
 impl<'a> Codes<'a> {
-    /// Codes of no sample.
+    /// Codes of an exposure without samples.
     pub const NONE: Self = Self::Bytes(&[]);
 
     /// Returns the code of sample `at`; 0 beyond the last sample.
@@ -87,7 +87,7 @@ impl<'a> Codes<'a> {
         }
     }
 
-    /// Returns whether the exposure is read.
+    /// Returns whether the samples of the exposure are read.
     pub(crate) fn is_read(&self) -> bool {
         !matches!(self, Self::Unread)
     }

@@ -9,7 +9,7 @@ pub const MAX_EXPOSURES: usize = 12;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Exposure {
-    /// Exposure time, seconds.
+    /// Exposure time of the frame, seconds.
     pub seconds: f64,
     /// Sensor gain, relative to the gain at which the calibration's scale was measured.
     pub gain: f64,
@@ -22,7 +22,7 @@ pub struct Exposure {
 pub enum MergeError {
     /// There are no exposures, or more than [`MAX_EXPOSURES`].
     BadCount {
-        /// Number of exposures that was found.
+        /// Number of exposures in the refused list.
         found: usize,
     },
     /// An exposure time or gain is not a positive finite number.

@@ -198,7 +198,7 @@ impl<C: AsRef<[i32]>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
         }
     }
 
-    /// Returns the merge without its buffers.
+    /// Returns the merge without its buffers, for storage.
     pub(crate) fn detached(&self) -> Detached {
         Detached { curve: self.curve.over(()), parameters: self.parameters }
     }

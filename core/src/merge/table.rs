@@ -42,7 +42,7 @@ pub(super) struct Scale {
     pub(super) whole: Option<Whole>,
 }
 
-/// The constants of the integer merge.
+/// Constants of the integer merge of one burst.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Whole {
     /// Factor from a sum of entries to radiance for each mask of valid exposures, with 32 fraction bits; 0 for a mask that does not

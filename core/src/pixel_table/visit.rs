@@ -25,7 +25,7 @@ pub(super) struct Survey {
     count: usize,
     /// Largest solid angle of a pixel, steradians.
     largest: f64,
-    /// Largest weight of a pixel, steradians.
+    /// Largest weight of a single pixel, steradians.
     pub(super) heaviest: f64,
 }
 

@@ -1,4 +1,4 @@
-//! The names of the samplers.
+//! Kinds of samplers and their names.
 
 use crate::healpix::Domain;
 use core::fmt;

@@ -127,9 +127,9 @@ struct Head {
 
 /// The offsets in a binary light set that depend on the flags.
 struct Extent {
-    /// Offset of `unit_uncertainty`.
+    /// Offset of `unit_uncertainty` in the encoded set, bytes.
     uncertainty: usize,
-    /// Least offset of the lights.
+    /// Least offset of the first light in the encoded set, bytes.
     first: usize,
 }
 

@@ -7,11 +7,11 @@
 pub enum Step {
     /// Fewer exposures of each burst are merged.
     Exposures,
-    /// The map has a lower order.
+    /// The map of the frame has a lower order.
     Order,
-    /// The set has fewer lights.
+    /// The set has fewer lights than the settings request.
     Lights,
-    /// Bursts are skipped.
+    /// Bursts between the processed ones are skipped.
     Rate,
 }
 

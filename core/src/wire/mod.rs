@@ -69,7 +69,7 @@ pub struct Latency {
     pub total: u32,
 }
 
-/// Number of durations in [`Latency`].
+/// Number of durations of stages in [`Latency`].
 pub const STAGES: usize = 7;
 
 impl Latency {

@@ -42,9 +42,9 @@ pub struct Record<Text, Lights, Harmonics> {
     pub stale: Option<Stale<Text>>,
     /// Name of the sampler that computed the lights.
     pub sampler: Text,
-    /// Requested number of lights.
+    /// Number of lights that was requested of the sampler.
     pub requested: u32,
-    /// Unit of the irradiances.
+    /// Unit of the set's irradiances.
     pub unit: Unit,
     /// Relative uncertainty of the unit with 95 % coverage, a ratio; `None` where the unit is relative.
     pub unit_uncertainty: Option<f32>,

@@ -144,7 +144,7 @@ impl Cells {
         self.height
     }
 
-    /// Returns the number of cells.
+    /// Returns the number of cells of the map.
     #[must_use]
     pub fn len(&self) -> usize {
         self.flux.len()

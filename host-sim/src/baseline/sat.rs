@@ -104,7 +104,7 @@ impl Sat {
 /// A rectangle with its sums and its priority for the next cut.
 #[derive(Clone, Copy, Debug)]
 pub struct Region {
-    /// Rectangle of the region's cells.
+    /// Rectangle of cells that the region covers.
     pub rect: Rect,
     /// Sums over the cells of the rectangle.
     pub flux: Flux,

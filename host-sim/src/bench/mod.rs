@@ -35,7 +35,7 @@ pub struct BenchJob {
     pub budgets: Budgets,
 }
 
-/// Median times of one case, milliseconds.
+/// Median times of the stages of one case, milliseconds.
 #[derive(Debug, Serialize)]
 struct CaseTimes {
     format: &'static str,

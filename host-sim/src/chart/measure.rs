@@ -26,7 +26,7 @@ pub struct ChartMap {
 pub struct Timed {
     /// Directional lights and ambient light.
     pub set: LitSet,
-    /// Time of the decomposition, milliseconds.
+    /// Time of one decomposition by the method, milliseconds.
     pub ms: f64,
 }
 

@@ -44,7 +44,7 @@ pub struct ChartJob {
 /// Figures of one method with one number of lights, over all maps of a chart. Errors are ratios.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Point {
-    /// Name of the method.
+    /// Name of the method that the point is of.
     pub sampler: &'static str,
     /// Largest number of lights of a set.
     pub lights: usize,
@@ -235,7 +235,7 @@ pub fn fewest(points: &[Point], sampler: &str, tolerance: f64) -> Option<usize> 
     parsimony(&curve.filter_map(|p| Some((p.lights, p.drawn_shadowed()?))).collect::<Vec<_>>(), tolerance)
 }
 
-/// Returns the points as a table.
+/// Returns the points of the chart as a text table.
 fn text(points: &[Point]) -> String {
     let mut out = format!(
         "{:<18}{:>7}{:>11}{:>9}{:>11}{:>9}{:>11}{:>11}{:>11}{:>11}{:>11}{:>14}\n",

@@ -11,7 +11,7 @@ pub const POINTS: usize = 192;
 /// Shape that the scores assign to the lights of a set.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Reading {
-    /// Lights are directions without extent.
+    /// Lights are read as directions without extent.
     #[default]
     Points,
     /// Lights are uniform discs of their angular radius.

@@ -36,7 +36,7 @@ pub struct Lit {
 /// Directional lights and ambient light of one frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LitSet {
-    /// The directional lights.
+    /// The directional lights of the set.
     pub lights: Vec<Lit>,
     /// Coefficients of ambient radiance for the nine functions of [`sh::basis`], RGB rows, probe axes.
     pub ambient_sh: Option<[[f64; 3]; 9]>,

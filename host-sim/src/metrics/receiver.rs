@@ -4,9 +4,9 @@ use std::f64::consts::TAU;
 
 use super::vector::dot;
 
-/// Number of open receivers.
+/// Number of open receivers of the scores.
 pub const OPEN: usize = 768;
-/// Number of shadowed receivers.
+/// Number of shadowed receivers of the scores.
 pub const SHADOWED: usize = 512;
 
 /// Returns direction `k` of the spherical Fibonacci lattice of `count` points: z = 1 - (2k + 1) / count, phi = 2 pi frac(0.6180339887498949
@@ -24,7 +24,7 @@ pub fn fib(k: usize, count: usize) -> [f64; 3] {
 pub struct Receiver {
     /// Unit normal of the receiving surface.
     pub normal: [f64; 3],
-    /// Axis of the occluding cone.
+    /// Axis of the cone from which no light reaches the receiver.
     pub axis: [f64; 3],
     /// Cosine of the cone's half-angle; a value above 1 means that there is no cone.
     pub cos_half_angle: f64,

@@ -24,7 +24,7 @@ pub const SETTLED: f64 = 1.25;
 pub struct Spread {
     /// Arithmetic mean of the score over the frames.
     pub mean: f64,
-    /// Largest score of a frame.
+    /// Largest score of a single frame.
     pub max: f64,
 }
 
@@ -84,7 +84,7 @@ fn mu_among(reference: &Reference, probes: &[usize]) -> f64 {
 pub struct ScoredFrame<'a> {
     /// Irradiance of the receivers under the frame's map.
     pub reference: &'a Reference,
-    /// Light set of the frame.
+    /// Light set of the frame that is scored.
     pub set: &'a LitSet,
 }
 

@@ -125,7 +125,7 @@ fn lookup(env: &EnvMap, d: [f64; 3]) -> [f64; 3] {
     env.texels()[row.min(env.height() - 1) * env.width() + column.min(env.width() - 1)].map(f64::from)
 }
 
-/// Converts the map to directional lights.
+/// Converts the texels of the map, or the quads of a coarser map if there are too many texels, to directional lights.
 fn of_map(env: &EnvMap) -> Vec<Directional> {
     let grid = TexelGrid::new(env, Domain::Sphere);
     if grid.luminous(env).take(TEXELS + 1).count() <= TEXELS {

@@ -43,7 +43,7 @@ pub fn read(path: &Path) -> Result<RgbImage, SimError> {
 struct CompositePixel {
     with: [f64; 3],
     without: [f64; 3],
-    /// Whether the pixel shows an object.
+    /// Whether the pixel of the photograph shows an inserted object.
     object: bool,
     /// Whether the pixel shows the ground, or an object in front of the ground.
     ground: bool,

@@ -41,15 +41,15 @@ pub struct Hit {
 /// The ground, with or without the solids: sphere, box and torus.
 #[derive(Clone, Copy, Debug)]
 pub struct Scene {
-    /// Whether the solids are present.
+    /// Whether the scene contains its solids: sphere, box and torus.
     pub solids: bool,
 }
 
-/// Reflectance of the ground.
+/// Reflectance of the ground of the scene.
 const GROUND: Material = Material { albedo: [0.5, 0.5, 0.5], gloss: None };
 /// Radius of the drawn ground around the centre of the scene.
 const GROUND_RADIUS: f64 = 9.0;
-/// Centre and radius of the sphere.
+/// Centre and radius of the sphere of the scene.
 const SPHERE: ([f64; 3], f64) = ([-1.75, 0.1, 1.0], 1.0);
 const SPHERE_MATERIAL: Material = Material { albedo: [0.10, 0.10, 0.12], gloss: Some((0.45, 90.0)) };
 /// Least and greatest coordinates of the box.
@@ -62,9 +62,9 @@ const TORUS: ([f64; 3], [f64; 3], f64, f64) = ([1.85, -0.35, 0.92], [0.48, -0.6,
 const TORUS_MATERIAL: Material = Material { albedo: [0.28, 0.48, 0.40], gloss: None };
 
 impl Scene {
-    /// Ground, sphere, box and torus.
+    /// The scene of ground, sphere, box and torus.
     pub const STANDARD: Self = Self { solids: true };
-    /// Ground alone.
+    /// The scene of the ground alone.
     pub const EMPTY: Self = Self { solids: false };
 
     /// Returns the nearest intersection of `ray` with a surface of the scene; `None` if the ray hits no surface.

@@ -73,7 +73,7 @@ pub struct Setting {
     pub width: usize,
     /// Number of frames of a sequence, at least 8.
     pub frames: usize,
-    /// Seed of the random generator.
+    /// Seed of the scenario's random generator.
     pub seed: u64,
     /// Map that replaces the procedural interior and the procedural sky.
     pub background: Option<EnvMap>,
@@ -93,7 +93,7 @@ pub struct Scenario {
     pub name: &'static str,
     /// Part of the sphere that the maps cover.
     pub domain: Domain,
-    /// True radiance, one map per frame.
+    /// True radiance of the scenario, one map per frame.
     pub truth: Vec<EnvMap>,
     /// Maps that samplers read, if they differ from `truth`.
     pub seen: Option<Vec<EnvMap>>,

@@ -79,9 +79,9 @@ pub fn with_disc(map: &EnvMap, source: LightSource, colour: [f64; 3], flux: f64)
     EnvMap::new(map.width(), map.height(), texels)
 }
 
-/// A texel that overlaps a disc.
+/// A texel of the map that a disc overlaps.
 struct Covered {
-    /// Index of the texel, row-major.
+    /// Row-major index of the texel in the map.
     texel: usize,
     /// Fraction of the texel's area inside of the disc, 0 to 1.
     part: f64,

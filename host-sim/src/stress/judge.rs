@@ -19,7 +19,7 @@ pub struct StressRow {
     pub shadowed: Option<f64>,
     /// Mean over the frames of the flicker.
     pub flicker_mean: Option<f64>,
-    /// Largest flicker of a frame.
+    /// Largest flicker of a frame of the scenario.
     pub flicker_max: Option<f64>,
     /// Mean over the frames of the shadowed error of the lights read as discs.
     pub soft_shadowed: Option<f64>,

@@ -10,9 +10,9 @@ use hemilux_core::{BadOrder, FrontError, LayoutError, LensError, Light, Sizes, T
 pub enum Wrong {
     /// The camera, the front end or the frames caused an error.
     Front(FrontError),
-    /// A buffer is too short.
+    /// A buffer of the program is too short.
     Memory(TooSmall),
-    /// The writer returned an error.
+    /// The writer of the output returned an error.
     Output,
     /// A check failed: the checked quantity, its value and its largest permitted value.
     Check(&'static str, f32, f32),
@@ -35,7 +35,7 @@ impl From<TooSmall> for Wrong {
     }
 }
 
-/// The results of one frame.
+/// Results of the decomposition of one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Report {
     /// Energy and hash of the rendered frames.

@@ -17,9 +17,9 @@ pub const LENS: Intrinsics = Intrinsics {
     vignetting: [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
 };
 
-/// Sensor code of darkness.
+/// Sensor code of a pixel without light.
 pub const BLACK: f64 = 8.0;
-/// Sensor code of full scale.
+/// Sensor code of a saturated pixel.
 pub const WHITE: f64 = 255.0;
 
 /// Radiance of full scale in the shortest exposure of the burst: 1.25 times the radiance of the lamp.

@@ -33,7 +33,7 @@ pub struct Quality {
 }
 
 impl Quality {
-    /// Returns the full quality of `settings`.
+    /// Returns the full quality that `settings` permit.
     pub(super) fn full(settings: &Settings, exposures: usize) -> Self {
         let (order, lights) = (settings.order(), settings.lights);
         Self { steps: Degraded::NONE, exposures, order, lights, every: 1 }

@@ -1,4 +1,4 @@
-//! Changes of settings.
+//! Changes of the probe's settings that clients request.
 
 use super::{Setting, short};
 use crate::probe::config::Config;

@@ -29,7 +29,7 @@ pub enum Kind {
     Optional(f32, f32),
     /// A list of ascending numbers from the first field to the second, with at most as many elements as the third field, or null for no list.
     List(f32, f32, usize),
-    /// A switch: true or false.
+    /// A switch, which is true or false.
     Switch,
 }
 
@@ -77,7 +77,7 @@ pub struct Setting {
     pub name: &'static str,
     /// Name of the parameter of `/change`, as the thesis defines it.
     pub parameter: &'static str,
-    /// Label of the setting in pages.
+    /// Label of the setting on the probe's page and in the form of `/change`.
     pub title: &'static str,
     /// Group in which the page shows the setting.
     pub group: Group,

@@ -1,4 +1,4 @@
-//! The table of all settings.
+//! The table of all settings of the probe.
 
 use super::{Group, Kind, Setting, shortest};
 use crate::probe::config::{EXTRAPOLATIONS, MERGES, extrapolation_name, merge_name};

@@ -33,9 +33,9 @@ fn refuse<T>(found: impl Into<String>, expected: impl Into<String>) -> Result<T,
 /// The contents of a lens file of another program.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ForeignLens {
-    /// Lens model of the file.
+    /// Lens model that the file states.
     pub(super) lens: Lens,
-    /// Image columns and rows.
+    /// Columns and rows of the camera's image.
     pub(super) size: [u32; 2],
     /// Notes about values that were fitted or assumed.
     pub(super) notes: Vec<String>,

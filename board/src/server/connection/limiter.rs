@@ -76,7 +76,7 @@ impl ConnectionLimiter {
         }
     }
 
-    /// Closes all connections.
+    /// Closes all connections of all clients.
     pub(super) fn cut_all(&self) {
         self.lock().entries.values().for_each(|entry| entry.activity.cut());
     }

@@ -23,7 +23,7 @@ use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 
-/// Number of threads that serve requests.
+/// Number of threads of the server that serve requests.
 const THREADS: usize = 2;
 
 /// Largest number of threads for blocking work: the systemd unit allows 64 tasks in all.
@@ -109,10 +109,10 @@ pub struct Signals {
     hang_up: Signal,
 }
 
-/// The event that ended [`Running::wait`].
+/// Event that ended the wait of [`Running::wait`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
-    /// SIGINT or SIGTERM was received.
+    /// The process received SIGINT or SIGTERM.
     Stop,
     /// SIGHUP was received: the configuration file must be read again.
     Reload,
@@ -149,7 +149,7 @@ impl Running {
         self.address
     }
 
-    /// Catches SIGINT, SIGTERM and SIGHUP.
+    /// Catches the signals SIGINT, SIGTERM and SIGHUP of the process.
     ///
     /// # Errors
     /// The operating system refuses a signal handler.

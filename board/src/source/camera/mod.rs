@@ -44,7 +44,7 @@ pub enum OpenCameraError {
     /// The options of the camera are invalid.
     #[error("{0}")]
     Options(String),
-    /// The lens file cannot be read.
+    /// The lens file of the camera cannot be read.
     #[error(transparent)]
     Lens(#[from] RecordedError),
     /// The camera cannot be opened.
@@ -61,7 +61,7 @@ pub struct CameraSource {
     calibration: Calibration,
     lens: Option<LensFile>,
     raw: RawBurst,
-    /// Exposure times in the options, seconds.
+    /// Exposure times that the camera's options state, seconds.
     own_s: Vec<f64>,
     /// True if the options name exposure times.
     is_named: bool,

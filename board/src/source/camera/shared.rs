@@ -44,12 +44,12 @@ impl RawBurst {
     }
 }
 
-/// A request for other exposure times.
+/// A client's request for other exposure times of the camera.
 #[derive(Clone, Debug)]
 pub(super) struct Request {
     /// Number of the request, from 1; 0 for the exposures with which the camera is opened.
     pub number: u64,
-    /// Requested exposure times, seconds, ascending.
+    /// Exposure times that are requested, seconds, ascending.
     pub seconds: Vec<f64>,
 }
 

@@ -52,7 +52,7 @@ impl CameraSpec {
         self.text.split(',').skip(1).map(|pair| pair.split_once('=').unwrap_or((pair, "")))
     }
 
-    /// Parses the options.
+    /// Parses the options of the camera.
     ///
     /// # Errors
     /// The option that was found and the values that are accepted.

@@ -23,7 +23,7 @@ pub struct Terms {
     pub picture: Picture,
     /// Relative code of black, 0 to 1, where the sensor is known; 0 otherwise.
     pub black: f64,
-    /// Frame interval, nanoseconds.
+    /// Interval between frames of the camera, nanoseconds.
     pub period_ns: u64,
     /// The exposure times of a burst, seconds, ascending.
     pub seconds: Vec<f64>,

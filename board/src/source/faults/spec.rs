@@ -30,7 +30,7 @@ pub enum Fault {
 }
 
 impl Fault {
-    /// All kinds of faults.
+    /// All kinds of faults that can be injected.
     pub const ALL: [Self; 11] = [
         Self::Drop,
         Self::Late,
@@ -69,11 +69,11 @@ impl Fault {
 pub struct FaultSpec {
     /// Fraction of bursts with each kind of fault, 0 to 1, in the order of [`Fault::ALL`]; the sum is at most 1.
     pub shares: [f64; Fault::ALL.len()],
-    /// Seed of the random schedule.
+    /// Seed of the random schedule of the faults.
     pub seed: u64,
     /// Number of bursts at the start that have no fault.
     pub sound: u64,
-    /// Length of the pause of [`Fault::Late`].
+    /// Length of the pause before a burst that [`Fault::Late`] delays.
     pub late: Duration,
     /// Time for which the device is missing in [`Fault::Vanish`].
     pub gone: Duration,
@@ -82,7 +82,7 @@ pub struct FaultSpec {
 }
 
 impl FaultSpec {
-    /// No faults, with the default pauses.
+    /// A specification without faults, with the default pauses.
     pub const NONE: Self = Self {
         shares: [0.0; Fault::ALL.len()],
         seed: 1,

@@ -31,7 +31,7 @@ pub(super) struct Header {
     pub seconds: f64,
     /// Gain of the frame: product of analogue and digital gain.
     pub gain: f64,
-    /// Code of a sample without light.
+    /// Code of a sample that received no light.
     pub black: f64,
 }
 

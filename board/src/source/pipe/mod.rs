@@ -78,7 +78,7 @@ pub struct PipeSource {
     input: Option<Input>,
     reader: FrameReader,
     collector: Collector,
-    /// Memory of replaced frames, for reuse.
+    /// Memory of frames that newer frames have replaced, for reuse.
     spare: Vec<Vec<u8>>,
     /// Number of bursts since the input was opened.
     bursts: u64,

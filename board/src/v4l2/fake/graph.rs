@@ -11,7 +11,7 @@ use rustix::io::Errno;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// Major number of all nodes.
+/// Major number of all device nodes of the scripted kernel.
 pub const MAJOR: u32 = 81;
 
 /// A sensor's mode: picture size, and the part of the sensor that it shows.
@@ -28,7 +28,7 @@ pub enum PadFault {
     Size,
     /// The pad keeps its media bus code.
     Code,
-    /// Setting the format fails with EINVAL.
+    /// The request to set the format fails with EINVAL.
     Refused,
 }
 
@@ -39,7 +39,7 @@ pub struct Described {
     pub links: &'static str,
     /// Source pads of a bridge that a sink pad feeds, as (sink, source).
     pub inner: Vec<(u32, u32)>,
-    /// Media bus codes of the sensors.
+    /// Media bus codes that the sensors offer.
     pub codes: Vec<u32>,
     pub modes: Vec<Mode>,
     /// Rectangle of all pixels of the sensor; none if the driver reports no selections.
@@ -50,7 +50,7 @@ pub struct Described {
     pub routes: Option<Vec<(u32, u32)>>,
     /// True if the driver refuses other routes.
     pub fixed_routes: bool,
-    /// Number of the first node.
+    /// Minor number of the first device node of the media device.
     pub first_node: u32,
 }
 

@@ -70,7 +70,7 @@ pub struct World {
     fetched: u32,
     /// Control value of the frame that was fetched last.
     pub last_fetched: Option<i64>,
-    /// Picture of the previous frame.
+    /// Samples of the previous frame of the scripted camera.
     shown: Vec<u8>,
     pub tried: u32,
     random: u64,

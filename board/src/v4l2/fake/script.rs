@@ -8,9 +8,9 @@ use std::time::Duration;
 pub enum Fault {
     /// The camera is disconnected for this duration, from this frame on.
     Disconnect(Duration),
-    /// The frame has too few bytes.
+    /// The frame has fewer bytes than its format requires.
     Short,
-    /// The frame has no byte.
+    /// The frame has no bytes.
     Empty,
     /// The frame is cut in half; in JPEG frames the decoder finds it.
     Damaged,
@@ -20,7 +20,7 @@ pub enum Fault {
     AllShort,
     /// All frames from this one on have no byte.
     AllEmpty,
-    /// The frame has the error flag.
+    /// The driver sets the error flag of the frame.
     Error,
     /// No frames arrive for this duration, from this frame on.
     Stall(Duration),
@@ -59,7 +59,7 @@ pub enum Quirk {
     ReadsAs(i64),
     /// The exposure control reads as the value before the last write.
     ReadsOld,
-    /// Reading the exposure control fails.
+    /// Requests for the value of the exposure control fail.
     Unreadable,
     /// The menu of exposure modes lists no item; the modes can be set.
     NoMenu,

@@ -22,7 +22,7 @@ pub struct Topology {
     pub links: Vec<abi::Link>,
 }
 
-/// Number of a character device.
+/// Major and minor number of a character device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Device {
     /// Major number of the device.

@@ -93,7 +93,7 @@ impl Ambient {
         self.excess = [Quad::default(); SUMS];
     }
 
-    /// Returns the ambient radiance.
+    /// Returns the ambient radiance as spherical harmonics.
     pub(super) fn harmonics(&self) -> &Sh9 {
         &self.sh
     }

@@ -97,7 +97,7 @@ pub(super) fn steer(fit: &mut Fit, sources: &[Source], lights: &mut [Light]) {
     lights.iter_mut().zip(own).for_each(|(light, own)| light.irradiance = own);
 }
 
-/// A part of a light's disc.
+/// A part of a light's disc, which the estimate of the error reads as a smaller disc.
 pub(super) struct DiscPart {
     /// Direction of the centre of the part, a unit vector.
     pub(super) at: Vec3,

@@ -18,7 +18,7 @@ use glam::Vec3;
 pub(super) struct Frame {
     /// Number of lights in the last frame.
     pub previous: usize,
-    /// Whether the scene moves.
+    /// Whether the filter treats the scene as moving.
     pub moving: bool,
 }
 

@@ -272,7 +272,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
         }
     }
 
-    /// Sets the energies of the lights.
+    /// Computes and sets the energies of the lights at their present directions.
     fn weigh(&mut self, map: &PyramidView<'_>, request: &Request) {
         let Workspace { ambient, sources, fit, .. } = self.workspace.borrow_mut();
         let nodes = Nodes::new(map, request.ambient.then_some(&*ambient));

@@ -29,7 +29,7 @@ const SHARE: f32 = (1u32 << 18) as f32;
 struct Receiver {
     normal: [i16; 3],
     axis: [i16; 3],
-    /// Cosine of the cone's half-angle, Q28.
+    /// Cosine of the half-angle of the occluding cone, Q28.
     cos: i32,
     /// Reciprocal of the sine of the cone's half-angle, Q12, which converts differences of cosines near the edge to angles.
     per_sin: i32,

@@ -25,7 +25,7 @@ const MOST: f32 = 2.0;
 /// The value of [`RIDGE`] for discs, whose kernels overlap more.
 const DISC_RIDGE: f32 = 0.1;
 
-/// The value of [`MOST`] for discs.
+/// Value in place of [`MOST`] for lights that are fitted as discs.
 const DISC_MOST: f32 = 4.0;
 
 /// Working memory of the fit of the weights.

@@ -15,7 +15,7 @@ pub struct PathPoint {
 
 /// A filter of directions and colours of lights over a sequence of frames. A light keeps its slot for as long as it exists.
 pub trait Follow {
-    /// The sampler that uses the filter.
+    /// Kind of the sampler that uses the filter.
     const KIND: SamplerKind;
 
     /// Returns the number of slots for which the filter has memory.
@@ -32,6 +32,6 @@ pub trait Follow {
     /// Returns the filtered value of the measurement `seen` of the light in `slot`; `is_new` starts a new path at `seen`.
     fn follow(&mut self, slot: usize, is_new: bool, seen: PathPoint) -> PathPoint;
 
-    /// Discards the state of earlier frames.
+    /// Discards the filter's state of earlier frames.
     fn reset(&mut self);
 }

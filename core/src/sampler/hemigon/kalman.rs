@@ -64,7 +64,7 @@ impl Parameters {
 /// State of the Kalman filter of one value.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Kalman {
-    /// Variance P of the filtered value.
+    /// Variance P of the error of the filtered value.
     variance: f32,
     cusum: Vec3,
     /// The jump of the last frame, in standard deviations, while it is not confirmed; otherwise 0.

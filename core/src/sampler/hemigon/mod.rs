@@ -48,7 +48,7 @@ pub struct Sizes {
     pub texels: usize,
     /// Number of rings of the inversion.
     pub rings: usize,
-    /// Number of ages: two per light.
+    /// Number of stored ages, two per light.
     pub lives: usize,
     /// Number of lights, at most [`MAX_LIGHTS`].
     pub lights: usize,

@@ -105,7 +105,7 @@ impl Default for Parameters {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Leaf {
     importance: f32,
-    /// Id of the leaf's light.
+    /// Id of the light of the leaf.
     id: u32,
 }
 

@@ -22,7 +22,7 @@ use std::path::Path;
 /// A lamp: a disc whose light varies over time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lamp {
-    /// Direction and radius of the disc.
+    /// Direction and angular radius of the lamp's disc.
     pub source: LightSource,
     /// Linear RGB colour of the lamp, normalised to luminance 1.
     pub colour: [f64; 3],

@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 /// Waveform of a lamp's light, with the mean 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Wave {
-    /// Constant light.
+    /// Light that does not change.
     Steady,
     /// A constant plus a sinusoid; the ripple of an incandescent lamp has a depth of 0.1 to 0.3.
     Sine {
@@ -67,7 +67,7 @@ impl Wave {
 /// Abrupt change of the level of a lamp.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Change {
-    /// Time of the change, seconds.
+    /// Time at which the lamp's light changes, seconds.
     pub at_s: f64,
     /// Factor of the lamp's light from this time on.
     pub level: f64,
