@@ -21,7 +21,8 @@ pub struct Patch {
     pub direction: [f32; 3],
     /// Angular radius of the patch, radians.
     pub radius: f32,
-    /// Part of the squared chord from the centre to the edge over which the patch fades out, 0..=1.
+    /// Width of the edge of the patch, over which its radiance falls to 0, as a fraction of the squared chord from the centre to the edge,
+    /// 0..=1.
     pub edge: f32,
     /// Radiance of the patch, red, green and blue.
     pub radiance: [f32; 3],

@@ -48,7 +48,7 @@ impl Lanes {
         Self { tally, ..self }
     }
 
-    /// Returns the sums of `quad` per lane.
+    /// Returns the sums of the light in `quad`, one per lane of the accumulator.
     #[inline]
     pub(crate) fn sums(&self, quad: &Quad) -> [f32; 4] {
         self.tally.as_ref().map_or(quad.energy, |tally| tally.settled(quad))

@@ -102,8 +102,8 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
         self.quads.as_mut().get_mut(at).unwrap_or_default()
     }
 
-    /// Clears and returns the quads of `order` (at most the finest), to whose `energy` the front end adds sums per lane for
-    /// [`Pyramid::finish`].
+    /// Clears and returns the quads of order `order`, or of the finest order if that is less. The front end adds sums per lane to their
+    /// `energy` for [`Pyramid::finish`].
     #[doc(hidden)]
     pub fn accumulators(&mut self, order: u8) -> &mut [Quad] {
         let quads = self.sums_mut(order);
@@ -111,7 +111,7 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
         quads
     }
 
-    /// Returns the quads of `order` (at most the finest), whose sums [`Pyramid::finish`] converts to energy.
+    /// Returns the quads of order `order`, or of the finest order if that is less; [`Pyramid::finish`] converts their sums to energy.
     pub(crate) fn sums_mut(&mut self, order: u8) -> &mut [Quad] {
         let order = order.min(self.order);
         let at = first(self.domain, order)..first(self.domain, order + 1);

@@ -67,7 +67,7 @@ const JPEG_QUALITY: u8 = 92;
 /// Parses the path of a picture: `.png`, `.jpg` or `.jpeg`, in upper or lower case.
 ///
 /// # Errors
-/// Text with the expected extensions.
+/// An error message with the expected extensions, if `text` has another extension.
 pub fn picture_path(text: &str) -> Result<PathBuf, String> {
     with_extension(text, &["png", "jpg", "jpeg"])
 }
@@ -75,7 +75,7 @@ pub fn picture_path(text: &str) -> Result<PathBuf, String> {
 /// Parses the path of an OpenEXR map: `.exr`, in upper or lower case.
 ///
 /// # Errors
-/// Text with the expected extension.
+/// An error message with the expected extension, if `text` has another extension.
 pub fn map_path(text: &str) -> Result<PathBuf, String> {
     with_extension(text, &["exr"])
 }

@@ -86,18 +86,18 @@ pub struct DecodedMap {
 pub struct MapError {
     /// Path of the map file.
     pub path: PathBuf,
-    /// Description of the value that was found.
+    /// Description of the value that the file contains.
     pub found: String,
-    /// Description of the value that was expected.
+    /// Description of the values that were expected in its place.
     pub expected: String,
 }
 
 /// A fault of a map file: the value that was found and the value that was expected.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Refusal {
-    /// Description of the value that was found.
+    /// Description of the value that the file contains.
     pub found: String,
-    /// Description of the value that was expected.
+    /// Description of the values that were expected in its place.
     pub expected: String,
 }
 

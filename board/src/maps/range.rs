@@ -16,7 +16,7 @@ pub struct Changed {
 }
 
 impl Changed {
-    /// Returns the sums of these numbers and those of `other`.
+    /// Returns the numbers of changed texels of this map and of `other` together.
     #[must_use]
     pub fn with(mut self, other: Self) -> Self {
         self.negative += other.negative;

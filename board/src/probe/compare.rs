@@ -113,7 +113,7 @@ impl Drop for Permit<'_> {
 }
 
 impl Comparison {
-    /// Requests pairs of the probe's own set and the set of `contender`, until the permit is dropped.
+    /// Requests, until the returned permit is dropped, that each frame yields the probe's own set together with a set of `contender`.
     ///
     /// # Errors
     /// The second sampler in use, if clients hold permits for it, or held permits within the last 0.5 s, and it

@@ -42,9 +42,9 @@ const MAX_MANIFEST_BYTES: u64 = 1 << 20;
 pub struct RecordedError {
     /// The file or folder with the fault.
     pub path: PathBuf,
-    /// Description of the value that was found.
+    /// Description of the value that the file or folder contains.
     pub found: String,
-    /// Description of the value that was expected.
+    /// Description of the values that were expected in its place.
     pub expected: String,
 }
 

@@ -58,7 +58,7 @@ const fn kind(length: usize) -> usize {
     (length > SMALL) as usize
 }
 
-/// Total length of the answers of one kind, small or large.
+/// Total length of the answers of one kind, small or large, that are cached or being sent, bytes.
 #[derive(Debug, Default)]
 struct Live {
     bytes: AtomicUsize,

@@ -159,7 +159,8 @@ fn intervals(bursts: &[Burst], pace: Pace) -> Vec<Duration> {
     }
 }
 
-/// Returns the recorded times of the shortest exposures, nanoseconds, or the times at which the bursts are played where some are missing.
+/// Returns a time for each burst, nanoseconds: the recorded time of its shortest exposure, or, if a burst lacks this time, the times at
+/// which all bursts are played.
 fn phases(bursts: &[Burst], intervals: &[Duration]) -> Vec<u64> {
     if bursts.iter().all(|burst| burst.phase_ns != 0) {
         return bursts.iter().map(|burst| burst.phase_ns).collect();

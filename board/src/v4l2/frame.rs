@@ -39,7 +39,7 @@ impl Counters {
         *count += 1;
     }
 
-    /// Returns the sums of both sets of counters.
+    /// Returns counters with the sums of these counters and those of `other`.
     #[must_use]
     pub const fn plus(&self, other: &Self) -> Self {
         let (a, b) = (&self.broken, &other.broken);
@@ -119,7 +119,7 @@ impl Broken {
         }
     }
 
-    /// Counts the frame of `buffer` under its fault, if it has one; returns true if it has none and all `whole`
+    /// Counts the frame of `buffer` under its fault if the frame has one. Returns true if the frame has no fault and contains the `whole`
     /// bytes of the format.
     pub(super) const fn check(&mut self, buffer: &abi::Buffer, repeated: bool, whole: usize) -> bool {
         let count = match buffer.bytes_used as usize {

@@ -159,8 +159,8 @@ fn add_up(
     });
 }
 
-/// Returns the conversion of sums of codes to counts; `None` for formats and responses that are not summed as codes, and for pixel tables
-/// whose sums could exceed 32 bits.
+/// Returns the conversion of sums of codes to counts of light; `None` for formats and responses whose codes are not summed, and for pixel
+/// tables with which a sum could exceed 32 bits.
 fn tally(layout: &Layout, merge: &MergeView<'_>, pixel_table: &PixelTableView<'_>) -> Option<Tally> {
     let is_plain = matches!(layout.format(), Format::Rgb24 | Format::Bgr24);
     merge.tally().filter(|tally| is_plain && pixel_table.heaviest_texel <= tally.most_weight)

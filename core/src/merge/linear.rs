@@ -106,7 +106,7 @@ impl Suffixes {
         self.0.get(from)?.as_ref()
     }
 
-    /// Returns the conversion of sums of codes of the last of `count` exposures.
+    /// Returns the conversion of a sum of codes of the longest of `count` exposures to a count of light; `None` for no exposure.
     pub(super) fn tally(&self, count: usize) -> Option<Tally> {
         let Suffix { linear, unit } = self.of(count.checked_sub(1)?)?;
         let most_weight = i32::MAX as u32 / (255 << linear.shift);

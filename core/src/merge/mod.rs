@@ -328,7 +328,8 @@ impl MergeView<'_> {
         has_loop && (self.saturated() == u32::MAX || codes.are_below(self.saturated()))
     }
 
-    /// Returns the conversion of sums of codes of the longest exposure; `None` unless the mode is [`MergeMode::Needed`] and the sensor linear.
+    /// Returns the conversion of a sum of codes of the longest exposure to a count of light; `None` unless the mode is
+    /// [`MergeMode::Needed`] and the sensor linear.
     pub(crate) fn tally(&self) -> Option<Tally> {
         match &self.parameters.merge_loop {
             MergeLoop::Linear(linear) if self.mode == MergeMode::Needed => {

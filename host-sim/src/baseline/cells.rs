@@ -156,7 +156,7 @@ impl Cells {
         self.flux.is_empty()
     }
 
-    /// Returns the sums over the texels of cell `k`.
+    /// Returns the sum of the fluxes of the texels of cell `k`.
     #[must_use]
     pub fn flux(&self, k: usize) -> &Flux {
         &self.flux[k]
@@ -185,7 +185,7 @@ impl Cells {
         (0..self.len()).filter(|&k| self.flux[k].luminance > 0.0)
     }
 
-    /// Returns the sums over the texels of all cells.
+    /// Returns the flux of the whole map: the sum of the fluxes of all cells.
     #[must_use]
     pub fn total(&self) -> Flux {
         self.flux.iter().fold(Flux::default(), |sum, &flux| sum + flux)
@@ -222,7 +222,7 @@ pub fn nearest(centres: &[[f64; 3]], d: [f64; 3]) -> usize {
     best.0
 }
 
-/// Returns the sums over the Voronoi cell of each of `centres`.
+/// Returns the sum of the fluxes of the cells in the Voronoi cell of each of `centres`.
 #[must_use]
 pub fn voronoi(cells: &Cells, centres: &[[f64; 3]]) -> Vec<Flux> {
     let mut sums = vec![Flux::default(); centres.len()];

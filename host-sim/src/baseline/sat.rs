@@ -79,7 +79,7 @@ impl Sat {
         Rect { rows: (0, self.height), columns: (0, self.width) }
     }
 
-    /// Returns the sums over the cells of a rectangle; negative rounding errors are set to 0.
+    /// Returns the sum of the fluxes of the cells in a rectangle; negative rounding errors are set to 0.
     #[must_use]
     pub fn flux(&self, rect: Rect) -> Flux {
         let at = |row: usize, column: usize| &self.sums[row * (self.width + 1) + column];

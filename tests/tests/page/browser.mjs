@@ -27,7 +27,7 @@ function keepDrawings() {
 }
 
 /** Opens a page of `url`; returns it and the list of its errors. A refused request is intended by the test and is not
- * an error of the page. The options are Playwright's, and `isTimed` for a page whose drawing is not preserved. */
+ * an error of the page. `options` are options of Playwright's contexts, and `isTimed`: true for a page whose time is measured, so that the test does not preserve its drawings. */
 export async function open(browser, url, options = {}) {
   const { isTimed, ...others } = options;
   const context = await browser.newContext({ viewport: { width: 1280, height: 900 }, ignoreHTTPSErrors: true, ...others });

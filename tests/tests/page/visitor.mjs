@@ -1,5 +1,5 @@
 // Files and program texts that the page offers, tried unchanged, and the bytes of their transfer.
-// HEMILUX_NODE may hold three and gltf-validator; HEMILUX_BPY names a Python with the package bpy, HEMILUX_USD one with usd-core. Missing tools are printed.
+// HEMILUX_NODE may hold three and gltf-validator; HEMILUX_BPY names a Python with the package bpy, HEMILUX_USD one with usd-core. The names of missing tools are printed.
 
 import { execFile } from "node:child_process";
 import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";

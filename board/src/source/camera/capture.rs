@@ -60,7 +60,7 @@ struct Capture<'a> {
     /// Number of the last request for other exposures that the thread has taken.
     requests: u64,
     unused: Unused,
-    /// Sums of the counters of all streams that have ended.
+    /// Sums of the counters of all streams of the camera that have ended.
     past: Counters,
 }
 

@@ -6,7 +6,7 @@ use std::time::Duration;
 /// The fault of a frame of the scripted camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
-    /// The camera is disconnected for this duration, from this frame on.
+    /// From the frame of this entry on, the camera is disconnected for the given duration.
     Disconnect(Duration),
     /// The frame has fewer bytes than its format requires.
     Short,
@@ -14,17 +14,17 @@ pub enum Fault {
     Empty,
     /// The frame is cut in half; in JPEG frames the decoder finds it.
     Damaged,
-    /// All frames from this one on have the error flag.
+    /// The frame of this entry and all later frames have the error flag.
     AllError,
-    /// All frames from this one on have too few bytes.
+    /// The frame of this entry and all later frames have too few bytes.
     AllShort,
-    /// All frames from this one on have no byte.
+    /// The frame of this entry and all later frames have no byte.
     AllEmpty,
     /// The driver sets the error flag of the frame.
     Error,
-    /// No frames arrive for this duration, from this frame on.
+    /// From the frame of this entry on, no frames arrive for the given duration.
     Stall(Duration),
-    /// From this frame on, the control delay is this number of frames.
+    /// From the frame of this entry on, the control delay is the given number of frames.
     Delay(u32),
     /// The frame repeats the sequence number of the frame before.
     Repeat,
@@ -65,9 +65,9 @@ pub enum Quirk {
     NoMenu,
     /// Larger values of the exposure control are shorter exposures.
     Inverted,
-    /// Writes of the exposure take this duration.
+    /// Each write of the exposure takes the given duration.
     SlowWrites(Duration),
-    /// One of this number of exposure writes has no effect while streaming.
+    /// One of the given number of exposure writes has no effect while the camera streams.
     Forgets(u32),
     /// The control delay is one frame longer for a write with a probability of one half.
     Jitters,
@@ -79,21 +79,21 @@ pub enum Quirk {
     Unnumbered,
     /// The sequence numbers of the frames rise by two.
     EverySecond,
-    /// At every frame whose number is a multiple of this one, the sequence numbers jump ahead by a thousand.
+    /// At every frame whose number is a multiple of the given one, the sequence numbers jump ahead by a thousand.
     JumpsAhead(u32),
-    /// At every frame whose number is a multiple of this one, the sequence numbers restart at 0.
+    /// At every frame whose number is a multiple of the given one, the sequence numbers restart at 0.
     Restarts(u32),
     /// A frame takes at least twice its exposure time at every frame rate.
     Slows,
     /// This number of frames from the start of the stream are black.
     DarkStart(u32),
-    /// Every frame whose number is a multiple of this one shows the picture of the frame before.
+    /// Every frame whose number is a multiple of the given one shows the picture of the frame before.
     RepeatsPicture(u32),
-    /// One of this number of requests for a frame fails with EIO.
+    /// One of the given number of requests for a frame fails with EIO.
     DequeueFails(u32),
-    /// The stream fails to start this number of times with EIO.
+    /// The first starts of the stream, as many as the given number, fail with EIO.
     StartFails(u32),
-    /// The stream fails to start this number of times with EBUSY.
+    /// The first starts of the stream, as many as the given number, fail with EBUSY.
     StartIsBusy(u32),
     /// The driver lists frame sizes and frame rates as ranges.
     Ranges,

@@ -1,4 +1,4 @@
-//! Detects abrupt changes of a map, in contrast to noise and motion.
+//! Detection of abrupt changes of a map from frame to frame, which are distinguished from noise and motion.
 
 use super::inversion::light_of;
 use crate::polar::LatLongView;

@@ -207,7 +207,8 @@ fn tangent(from: Vec3, to: Vec3) -> Vec3 {
     if sin > 0.0 { across * (libm::atan2f(sin, cos) / sin) } else { to - from }
 }
 
-/// The filter of `hemigon`: a gated Kalman filter per light. `T` holds one [`PathFilter`] for each of two slots per light.
+/// The filter of `hemigon`: a gated Kalman filter per light. The buffer `T` holds two [`PathFilter`]s per light, one for each slot of the
+/// light.
 #[derive(Clone, Debug)]
 pub struct Gated<T> {
     parameters: Parameters,
