@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Reads the public test images of OpenEXR, exiv2 and Pillow (Debian's source packages) and compares with these libraries.
+# Reads the public test images of OpenEXR, exiv2 and Pillow (Debian's source packages) and compares the results with those of OpenEXR and Pillow.
 #
 #   tests/suites/check.sh HEMILUX-SIM
 #
