@@ -307,7 +307,7 @@ impl Pipeline {
         self.inspector.bytes()
     }
 
-    /// Returns the memory that the sampler allocated itself, besides the buffers of the plan, bytes.
+    /// Returns the size of the sampler's own state, without the buffers that a memory plan lists, bytes.
     #[must_use]
     pub fn sampler_bytes(&self) -> usize {
         size_of_val(&*self.sampler)
