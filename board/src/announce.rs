@@ -54,9 +54,9 @@ const MOST: usize = 256;
 /// A probe that [`browse`] found on the network.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Found {
-    /// Name of the probe.
+    /// Name under which the probe is announced.
     pub name: String,
-    /// URLs of the probe, `http://HOST:PORT/`.
+    /// Addresses at which the probe answers, `http://HOST:PORT/`.
     pub urls: Vec<String>,
     /// Version of the program `hemilux` that the probe runs.
     pub version: String,

@@ -72,7 +72,7 @@ pub enum Kind {
     },
 }
 
-/// Markers of a ChArUco board.
+/// Markers in the white squares of a ChArUco board.
 #[derive(Clone, Copy, Debug)]
 pub struct Charuco {
     /// Dictionary from which the markers of the board are taken.

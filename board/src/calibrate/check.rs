@@ -64,7 +64,7 @@ pub enum LensRefusal {
         /// Largest board that was detected in the pictures.
         found: Board,
     },
-    /// A picture shows two boards.
+    /// One of the pictures shows two boards.
     #[error(
         "{name}: found two boards in view, expected one: cover or remove the other, or leave this picture out"
     )]

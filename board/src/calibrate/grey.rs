@@ -1,4 +1,4 @@
-//! Grey pictures of calibration targets.
+//! Conversion of pictures of calibration targets to grey.
 
 use nalgebra::Vector2;
 

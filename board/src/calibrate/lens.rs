@@ -32,7 +32,7 @@ pub struct Residual {
 /// The contribution of one picture to a calibration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Used {
-    /// Name of the picture.
+    /// Name of the picture in which the corner was detected.
     pub name: String,
     /// Number of accepted corners; 0 if no board was detected or used.
     pub corners: usize,

@@ -25,7 +25,7 @@ pub enum Method {
         outline: Vec<DVec2>,
         /// Fraction of the light that the patch reflects, 0 to 1.
         reflectance: f64,
-        /// Illuminance of the patch, lux.
+        /// Illuminance of the patch that the luxmeter reads, lux.
         lux: f64,
     },
 }

@@ -17,7 +17,7 @@ use calib_targets_core::Coord;
 use nalgebra::Point2;
 use std::collections::HashMap;
 
-/// Tag family of an AprilGrid.
+/// Name of the family of the tags of every AprilGrid.
 pub(super) const TAG_FAMILY: &str = "DICT_APRILTAG_36h11";
 
 /// Side of a rectified cell in which a mark is read, pixels.

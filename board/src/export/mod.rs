@@ -27,7 +27,7 @@ pub enum Form {
     Xml,
     /// Comma-separated values, one light per line.
     Csv,
-    /// Binary glTF 2.0 with KHR_lights_punctual.
+    /// Binary glTF 2.0 with directional lights of the extension KHR_lights_punctual.
     Glb,
     /// USD in its text form: DistantLights, and a DomeLight with the map.
     Usda,

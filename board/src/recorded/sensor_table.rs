@@ -5,7 +5,7 @@ use crate::noise::Noise;
 use serde::Deserialize;
 use std::path::Path;
 
-/// The `[sensor]` table.
+/// The table `[sensor]` of a lens file or of `burst.toml`.
 #[derive(Deserialize, Default)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SensorTable {

@@ -60,7 +60,7 @@ pub struct ModeInfo {
 /// A pixel format that a camera offers, with its frame sizes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FormatInfo {
-    /// FourCC of the format.
+    /// FourCC of the pixel format.
     pub fourcc: String,
     /// Description of the format for people.
     pub description: String,

@@ -12,7 +12,7 @@ use super::{Node, abi};
 pub struct ExposureSetting {
     /// Value of the exposure control for this exposure.
     pub value: i64,
-    /// Requested exposure time, seconds.
+    /// Exposure time that was requested for this setting, seconds.
     pub asked_s: f64,
     /// Exposure time that the control's value sets, seconds.
     pub seconds: f64,

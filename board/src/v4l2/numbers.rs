@@ -49,7 +49,7 @@ pub(super) struct Numbers {
 /// The timestamp of a frame and the time at which it was taken from the driver, nanoseconds of CLOCK_MONOTONIC.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FrameTimes {
-    /// Timestamp of the driver, nanoseconds.
+    /// Timestamp that the driver gives the frame, nanoseconds.
     pub stamped_ns: u64,
     pub now_ns: u64,
     /// Frame interval, seconds.

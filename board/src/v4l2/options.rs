@@ -36,7 +36,7 @@ pub struct Options {
     pub path: PathBuf,
     /// Path of the sensor's sub-device or a prefix of its name; required if there are several.
     pub subdevice: Option<PathBuf>,
-    /// Requested size of the pictures.
+    /// Size of the pictures that is requested from the camera.
     pub size: Size,
     /// True if a sensor of the table is set to the mode that covers the whole sensor, in place of `size`.
     pub full_view: bool,
@@ -44,11 +44,11 @@ pub struct Options {
     pub lens: Option<LensFit>,
     /// FourCC of the requested pixel format; by default the most preferred readable one.
     pub fourcc: Option<u32>,
-    /// Requested frame rate, Hz.
+    /// Frame rate that is requested from the camera, hertz.
     pub rate_hz: f64,
     /// Whether a rate of up to 15 % less than `rate_hz` is taken if it shows lamps on the mains at phases that differ from burst to burst.
     pub spreads_phases: bool,
-    /// Requested exposure times, seconds.
+    /// Exposure times that are requested from the camera, seconds.
     pub exposures_s: Vec<f64>,
     /// Whether the exposures follow the light of the scene; `exposures_s` are then those of the first burst.
     pub follows_light: bool,

@@ -13,7 +13,7 @@ plain! {
         width: u32,
         /// Height of the frames, pixels.
         height: u32,
-        /// Media bus code.
+        /// Media bus code of the frames on the pad.
         code: u32,
         /// Field order; [`FIELD_NONE`] is progressive.
         field: u32 = FIELD_NONE,
@@ -33,7 +33,7 @@ plain! {
         pad: u32,
         /// Input: index of the requested code, from 0.
         index: u32,
-        /// Output: media bus code.
+        /// Output: media bus code that the pad supports.
         code: u32,
         /// Input: [`FORMAT_ACTIVE`].
         which: u32 = FORMAT_ACTIVE,

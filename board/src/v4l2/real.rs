@@ -105,7 +105,7 @@ struct File {
 unsafe impl Send for File {}
 
 impl File {
-    /// Makes request `CODE` with `data`.
+    /// Makes the kernel request of number `CODE` with `data`, which the kernel reads and updates.
     fn update<const CODE: Opcode, T>(&self, data: &mut T) -> Result<(), Errno> {
         // SAFETY: callers pair `CODE` with the structure from whose size it was computed (the constants above), so that the kernel reads
         // and writes no byte beyond `data`. All structures consist of integers, for which every bit pattern is a value. Pointers

@@ -18,7 +18,7 @@ const WAIT: Duration = Duration::from_millis(250);
 /// Result of one call of [`Supervisor::step`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// A complete frame was received.
+    /// A complete frame was received during the step.
     Frame,
     /// No frame was received during the step.
     Nothing,

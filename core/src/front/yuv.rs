@@ -21,7 +21,7 @@ const LUMA_BITS: u32 = 16 - 1;
 
 /// The coefficients of a conversion from luma and chroma in fixed point.
 struct Coefficients {
-    /// Luma coefficient minus 1.
+    /// Factor of luma in red, green and blue, minus 1.
     luma: i16,
     /// Black level of luma, with [`PART`] fraction bits.
     black: i16,

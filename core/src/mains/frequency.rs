@@ -66,7 +66,7 @@ pub enum Lamps {
 }
 
 impl Lamps {
-    /// All choices of lamps.
+    /// All choices of lamps, in the order of [`Lamps::NAMES`].
     pub const ALL: [Self; 4] = [Self::Auto, Self::Mains50, Self::Mains60, Self::Off];
 
     /// Names of [`Lamps::ALL`]: the frequency of the mains, hertz, or a word.

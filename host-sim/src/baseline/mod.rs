@@ -43,7 +43,7 @@ pub trait Baseline {
     fn decompose(&mut self, map: &EnvMap, domain: Domain, lights: usize) -> Vec<Lit>;
 }
 
-/// A baseline without state.
+/// A method for comparison that decomposes each map without the state of earlier maps.
 #[derive(Clone, Copy, Debug)]
 pub struct Stateless {
     name: &'static str,

@@ -14,9 +14,9 @@ pub struct Rect {
 /// Axis along which a rectangle of cells is cut in two.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
-    /// The cut separates two rows.
+    /// The cut runs between two rows of cells.
     Rows,
-    /// The cut separates two columns.
+    /// The cut runs between two columns of cells.
     Columns,
 }
 

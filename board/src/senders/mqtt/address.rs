@@ -19,7 +19,7 @@ const MOST_ID: usize = 63;
 pub struct Broker {
     /// Host name or IP address of the broker.
     pub host: String,
-    /// TCP port of the broker.
+    /// TCP port at which the broker listens.
     pub port: u16,
     /// User name and password for the broker.
     pub credentials: Option<(String, String)>,

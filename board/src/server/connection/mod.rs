@@ -120,7 +120,7 @@ pub enum Event {
     Ended,
 }
 
-/// Serves `app` on `listener`.
+/// Starts the threads that answer the connections of `listener` with `app`, within `limits`.
 ///
 /// # Errors
 /// The operating system cannot start threads or refuses the listener.

@@ -40,7 +40,7 @@ const NEW_WIDTH: f32 = 0.01;
 /// Initial mean step of the energy of a new light, relative to the energy.
 const NEW_SHARE: f32 = 0.01;
 
-/// Filter state of one light.
+/// State of the temporal filter of one light.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LightFilter {
     /// Direction of the light that was returned last.

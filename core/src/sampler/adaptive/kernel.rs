@@ -73,7 +73,7 @@ const SHRINK: f32 = 0.85;
 /// The mean vector of a point, a disc or a region, in the form that the kernel needs.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct MeanVector {
-    /// Half of the mean vector.
+    /// Half of the mean vector of the point, disc or region.
     half: Vec3,
     /// Value of (1 - R^2) / 4 for the mean resultant length R.
     spread: f32,
@@ -117,7 +117,7 @@ impl MeanVector {
         2.0 * self.spread
     }
 
-    /// Returns the mean vector itself.
+    /// Returns the mean vector, of which this type stores the half.
     pub(super) fn vector(&self) -> Vec3 {
         self.half * 2.0
     }
@@ -142,7 +142,7 @@ impl Vectors {
         self.spreads[i] = vector.spread;
     }
 
-    /// Returns mean vector `i`.
+    /// Returns the mean vector of index `i`.
     pub(super) fn get(&self, i: usize) -> MeanVector {
         MeanVector { half: Vec3::from_array(self.halves.map(|axis| axis[i])), spread: self.spreads[i] }
     }

@@ -69,7 +69,7 @@ pub enum Placement {
     },
 }
 
-/// Parameters of the Q2-tree.
+/// Parameters by which the Q2-tree selects the quads that it splits and places its lights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameters {
     /// Exponent a of the energy in the importance of a quad, at least 0.
