@@ -108,3 +108,40 @@ fn bursts_at_equal_phases_give_no_frequency() {
         assert_eq!(found, Flicker::default(), "burst {burst}");
     }
 }
+
+/// Kinds of light that varies without a period: independent levels, a random walk, switches at random bursts, and a fall to a tenth.
+const APERIODIC: [fn(&mut Noise, u32, f64) -> f64; 4] = [
+    |noise, _, _| FULL * (1.0 + 0.5 * noise.next()),
+    |noise, _, level| (level * (0.3 * noise.next()).exp()).clamp(0.1, 100.0),
+    |noise, _, level| if noise.next() > 0.8 { FULL + 0.1 - level } else { level },
+    |_, burst, _| FULL * (-0.04 * f64::from(burst)).exp(),
+];
+
+/// Uniform deviates from -1 to 1.
+struct Noise(u64);
+
+impl Noise {
+    fn next(&mut self) -> f64 {
+        // The generator MMIX of [Knuth1997].
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) as f64 / f64::from(1u32 << 30) - 1.0
+    }
+}
+
+/// Of 100 sequences of eight seconds in which one region varies without a period, so many at most have a burst that is corrected. A random
+/// walk with steps of up to 30 % often equals a period over the one and a half seconds of the window; more regions would contradict it.
+#[test]
+fn light_without_a_period_is_taken_for_flicker_in_few_sequences() {
+    for (kind, next) in APERIODIC.into_iter().enumerate() {
+        let taken = (0..100).filter(|seed| {
+            let (mut sequence, mut noise, mut level) = (Sequence::new(Lamps::Auto), Noise(*seed), FULL);
+            (0..80).fold(false, |taken, burst| {
+                level = next(&mut noise, burst, level);
+                let (_, found) = sequence.burst(f64::from(burst) * 3.0 / 28.0, level);
+                taken || found.frequency_hz.is_some()
+            })
+        });
+        let (taken, most) = (taken.count(), [10, 30, 3, 0][kind]);
+        assert!(taken <= most, "kind {kind}: {taken} of 100 sequences, expected at most {most}");
+    }
+}

@@ -32,13 +32,15 @@ const FEWEST: usize = 8;
 
 /// Least fraction of the variance that a frequency must explain to be locked with fewer than [`MANY`] bursts and with more, and the
 /// fraction below which a locked frequency is lost.
-const FOUND: [f32; 2] = [0.8, 0.6];
+const FOUND: [f32; 2] = [0.8, 0.75];
 const MANY: usize = 12;
 const LOST: f32 = 0.35;
 
 /// Least fraction of the variance that a waveform of three harmonics must explain to be locked with [`MANY`] bursts if the fundamental
-/// explains less: for example a rectangle, or a lamp that is clipped at some phases.
-const FOUND_WAVEFORM: f32 = 0.9;
+/// explains less: for example a rectangle, or a lamp that is clipped at some phases; and the least fraction that the fundamental must then
+/// explain.
+const FOUND_WAVEFORM: f32 = 0.93;
+const LEAST_FUNDAMENTAL: f32 = 0.5;
 
 /// Number of bursts without varying light whose effect equals that of one burst that the frequency explains badly.
 const UNKNOWN: u32 = 8;
@@ -188,7 +190,7 @@ pub(super) fn find(window: &Window, regions: &[Cell], lamps: Lamps, has_times: b
         explained(window, regions, lock.frequency, Fit::new).is_some_and(|share| share > FOUND_WAVEFORM)
     };
     let is_found = |(score, lock): &(f32, Lock)| {
-        *score > FOUND[usize::from(has_many)] || (has_many && *score > LOST && is_waveform(lock))
+        *score > FOUND[usize::from(has_many)] || (has_many && *score > LEAST_FUNDAMENTAL && is_waveform(lock))
     };
     best.filter(is_found).map(|(_, lock)| lock)
 }
