@@ -53,9 +53,22 @@ pub struct Burst {
     /// Time of the shortest exposure of the burst, nanoseconds from any origin; 0 where unknown. It determines the phase of lamps on the
     /// mains.
     pub phase_ns: u64,
+    /// One bit for each frame, by its index: set if the frame was part of the burst before. 0 for a burst of new frames.
+    pub stale: u16,
 }
 
 impl Burst {
+    /// Whether the frame `index` was not part of the burst before.
+    #[must_use]
+    pub fn is_new(&self, index: usize) -> bool {
+        self.stale >> (index & 15) & 1 == 0
+    }
+
+    /// Declares the frame `index` new.
+    pub fn renew(&mut self, index: usize) {
+        self.stale &= !(1 << (index & 15));
+    }
+
     /// Returns the time of the shortest exposure, seconds from any origin; the time of the burst's end where the exposure's is unknown;
     /// `None` where both are unknown.
     #[must_use]

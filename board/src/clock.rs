@@ -12,6 +12,12 @@ pub fn monotonic_ns() -> u64 {
     seconds.saturating_mul(1_000_000_000).saturating_add(nanoseconds)
 }
 
+/// Returns the time since `ns` nanoseconds of CLOCK_MONOTONIC, microseconds.
+#[must_use]
+pub fn us_since(ns: u64) -> u32 {
+    u32::try_from(monotonic_ns().saturating_sub(ns) / 1000).unwrap_or(u32::MAX)
+}
+
 /// Returns Unix time, milliseconds; 0 before 1970.
 #[must_use]
 pub fn wall_ms() -> u64 {

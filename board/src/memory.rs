@@ -53,6 +53,9 @@ impl MemoryPlan {
             count: 1,
             element_bytes: pipeline.inspector_bytes(),
         });
+        if pipeline.window_bytes() > 0 {
+            buffers.push(BufferSize::of::<u8>("sliding window", pipeline.window_bytes()));
+        }
         buffers.extend(samplers::buffers(s.sampler, &pipeline.shape(), s.lights, &s.tuning));
         if pipeline.needs_polar() {
             buffers.push(BufferSize::of::<[f32; 3]>("polar map", s.grid.len()));

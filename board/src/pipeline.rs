@@ -3,28 +3,33 @@
 //! All memory is allocated when the pipeline is made or the exposures of its bursts change; processing a burst allocates nothing. The polar
 //! map is allocated when a sampler or a picture needs it first.
 
+mod parts;
 mod processed;
 mod settings;
 mod times;
+mod window;
+mod window_mode;
 
 use crate::calibration::{Burst, Calibration, Frame};
 use crate::consistency::Inspector;
 use crate::polar::Polar;
 use crate::samplers::{self, Shape};
-use hemilux_core::mains::{Cell, Flicker, Mains, mains_len};
+use hemilux_core::mains::{Cell, Flicker, Mains};
 use hemilux_core::polar::LatLongView;
 use hemilux_core::pyramid::Quad;
 use hemilux_core::sampler::Timer;
 use hemilux_core::wire::{FrameFault, FramesLeftOut};
 use hemilux_core::{
-    Coverage, Domain, Exposure, FrontEnd, FrontError, MAX_EXPOSURES, Map, Order, Request, Sampler, Samples,
-    Sizes,
+    Coverage, Domain, Exposure, FrontEnd, FrontError, MAX_EXPOSURES, Map, Request, Sampler, Samples,
 };
+use parts::{Span, front_end, is_read, mains};
 use std::time::{Duration, Instant};
+use window::Sliding;
 
 pub use processed::{Processed, Sampled};
 pub use settings::{PipelineError, Settings};
 pub use times::Times;
+pub use window_mode::{WINDOWS, WindowMode};
 
 /// Largest number of consecutive bursts that are not merged; the pipeline returns the lights of the last merged burst in their place.
 const MOST_HELD: u32 = 4;
@@ -34,6 +39,8 @@ pub struct Pipeline {
     settings: Settings,
     exposures: Vec<Exposure>,
     front: FrontEnd<Vec<u64>>,
+    /// Present in [`WindowMode::Sliding`].
+    sliding: Option<Sliding>,
     inspector: Inspector,
     mains: Mains<Vec<Cell>>,
     /// Modulation of the light over a mains period, as detected in the last merged burst.
@@ -65,17 +72,22 @@ impl Pipeline {
     ) -> Result<Self, PipelineError> {
         let order = settings.order();
         let shape = Shape { domain: Domain::Hemisphere, order, grid: settings.grid };
-        samplers::check(settings.sampler, Domain::Hemisphere, &settings.request())?;
+        settings.check()?;
         let sampler = samplers::make_tuned(settings.sampler, &shape, settings.lights, &settings.tuning)?;
-        let front = front_end(&calibration, exposures, &settings)?;
+        let mut front = front_end(&calibration, exposures, &settings)?;
         let inspector = Inspector::try_new(&calibration, exposures.len()).map_err(PipelineError::Response)?;
         let mains = mains(&settings)?;
         let polar = sampler.needs_polar().then(|| Polar::new(&shape));
         let exposures = exposures.to_vec();
+        let sliding = match settings.window {
+            WindowMode::Burst => None,
+            WindowMode::Sliding => Some(Sliding::open(&mut front, exposures.clone())?),
+        };
         Ok(Self {
             settings,
             exposures,
             front,
+            sliding,
             inspector,
             mains,
             flicker: Flicker::default(),
@@ -102,7 +114,7 @@ impl Pipeline {
             self.was_seen = before.was_seen;
             return Ok(());
         }
-        samplers::check(settings.sampler, Domain::Hemisphere, &settings.request())?;
+        settings.check()?;
         if !settings.same_sampler(&self.settings) {
             let (shape, tuning) = (self.shape(), &settings.tuning);
             self.sampler = samplers::make_tuned(settings.sampler, &shape, settings.lights, tuning)?;
@@ -117,6 +129,13 @@ impl Pipeline {
         self.front.set_extrapolation(settings.extrapolation);
         self.mains.set_lamps(settings.lamps);
         self.front.set_merge_mode(settings.merge);
+        if settings.window != self.settings.window {
+            self.flicker = Flicker::default();
+            self.sliding = match settings.window {
+                WindowMode::Burst => None,
+                WindowMode::Sliding => Some(Sliding::open(&mut self.front, self.exposures.clone())?),
+            };
+        }
         self.settings = settings;
         Ok(())
     }
@@ -128,7 +147,7 @@ impl Pipeline {
         Shape { domain: Domain::Hemisphere, order, grid: self.settings.grid }
     }
 
-    /// Processes one burst; frames that contradict the others are not merged.
+    /// Processes one burst, or, in [`WindowMode::Sliding`], the new frames of a burst; frames that contradict the others are not merged.
     ///
     /// # Errors
     /// [`PipelineError`] when the frames do not fit the calibration; the last map stays.
@@ -140,10 +159,13 @@ impl Pipeline {
 
     /// Returns the frames of the next burst that must not be merged: those that contradict the others. All frames are left out if the
     /// shortest exposure is wrong, which alone measures the brightest lights, or if the wrong frames cannot be identified. These bursts are
-    /// merged nevertheless if there is no map yet or if the four bursts before were left out as well.
+    /// merged nevertheless if there is no map yet or if the four bursts before were left out as well. In [`WindowMode::Sliding`], a wrong
+    /// shortest exposure leaves out no other frame.
     pub fn inspect(&mut self, burst: &Burst) -> FramesLeftOut {
         let mut found = self.inspector.inspect(burst);
-        let is_doubtful = found.contains(0) || self.inspector.is_uncertain();
+        // A sliding window stores an earlier frame of the shortest exposure.
+        let needs_shortest = self.settings.window == WindowMode::Burst;
+        let is_doubtful = (needs_shortest && found.contains(0)) || self.inspector.is_uncertain();
         let holds = is_doubtful && self.was_seen && self.doubtful < MOST_HELD;
         self.doubtful = if is_doubtful { self.doubtful.saturating_add(1) } else { 0 };
         for index in (0..burst.frames.len()).filter(|_| holds) {
@@ -155,16 +177,34 @@ impl Pipeline {
     }
 
     /// Processes one burst without the frames `frames_left_out`; if these are all frames, the map of the burst before is sampled again. The
-    /// front stage is timed from `began`.
+    /// front stage is timed from `began`. Of the frames left out, the result names those that were not part of the burst before.
     ///
     /// # Errors
     /// [`PipelineError`] when the frames do not fit the calibration; the last map stays.
     pub fn process_kept(
         &mut self,
         burst: &Burst,
-        frames_left_out: FramesLeftOut,
+        mut frames_left_out: FramesLeftOut,
         began: Instant,
     ) -> Result<Processed<'_>, PipelineError> {
+        let mut front = Duration::ZERO;
+        let added_up = || front = began.elapsed();
+        let seen = match self.settings.window {
+            WindowMode::Burst => self.merge_burst(burst, &frames_left_out, added_up)?,
+            WindowMode::Sliding => self.slide(burst, &frames_left_out, added_up)?,
+        };
+        frames_left_out.retain(|index| burst.is_new(index));
+        Ok(self.sample_map(seen, frames_left_out, Span { began, front }))
+    }
+
+    /// Merges the frames of `burst` without `frames_left_out` into the map and removes the flicker from it; `added_up` is called as by
+    /// [`FrontEnd::process_timed`].
+    fn merge_burst(
+        &mut self,
+        burst: &Burst,
+        frames_left_out: &FramesLeftOut,
+        added_up: impl FnOnce(),
+    ) -> Result<Coverage, PipelineError> {
         let steady: [bool; MAX_EXPOSURES] = self.steady(burst);
         let count = burst.frames.len();
         let most = if frames_left_out.is_empty() { self.most_exposures } else { count };
@@ -175,16 +215,20 @@ impl Pipeline {
             };
             burst.frames.iter().enumerate().filter(move |(index, _)| is_kept(index)).map(|(_, frame)| frame)
         };
-        let mut front = Duration::ZERO;
-        let seen = match self.seen {
-            Some(seen) if merged().next().is_none() => seen,
-            None if merged().next().is_none() => return Err(PipelineError::NoFrame),
+        match self.seen {
+            Some(seen) if merged().next().is_none() => Ok(seen),
+            None if merged().next().is_none() => Err(PipelineError::NoFrame),
             _ => {
-                let seen = self.merge(merged(), || front = began.elapsed())?;
+                let seen = self.merge(merged(), added_up)?;
                 self.flicker = self.mains.update(&mut self.front.map_mut(), burst.phase_s());
-                seen
+                Ok(seen)
             }
-        };
+        }
+    }
+
+    /// Samples the map.
+    fn sample_map(&mut self, seen: Coverage, frames_left_out: FramesLeftOut, span: Span) -> Processed<'_> {
+        let Span { began, front } = span;
         self.polar_fresh = self.sampler.needs_polar();
         if self.polar_fresh {
             let shape = self.shape();
@@ -199,7 +243,7 @@ impl Pipeline {
         let Sampled { decomposition, sample, filter } =
             sample(self.sampler.as_mut(), &map, &self.settings.request());
         let times = Times { front, pyramid: summed - front, sample, filter };
-        Ok(Processed {
+        Processed {
             decomposition,
             seen,
             scalar_flux: total.rgb(),
@@ -207,7 +251,7 @@ impl Pipeline {
             frames_left_out,
             flicker: self.flicker,
             times,
-        })
+        }
     }
 
     /// Returns, for each frame of `burst`, whether it may be merged under the detected flicker: always true for the shortest and the
@@ -328,7 +372,7 @@ impl Pipeline {
     /// Returns the number of exposures of the last burst.
     #[must_use]
     pub fn exposures(&self) -> usize {
-        self.exposures.len()
+        self.sliding.as_ref().map_or(self.exposures.len(), Sliding::exposures)
     }
 
     /// Returns the map of the last burst, computed by the stages before the sampler.
@@ -343,15 +387,6 @@ impl Pipeline {
     }
 }
 
-/// Returns true if the frame `index` of `count` is among the at most `most` frames that are merged.
-fn is_read(index: usize, count: usize, most: usize) -> bool {
-    match most {
-        _ if most >= count => true,
-        0 | 1 => index == 0,
-        _ => (0..most).any(|k| k * (count - 1) / (most - 1) == index),
-    }
-}
-
 /// Runs `sampler` on `map` and measures its durations.
 fn sample<'a>(sampler: &'a mut dyn Sampler, map: &Map<'_>, request: &Request) -> Sampled<'a> {
     let began = Instant::now();
@@ -360,27 +395,6 @@ fn sample<'a>(sampler: &'a mut dyn Sampler, map: &Map<'_>, request: &Request) ->
     let decomposition = sampler.update_timed(map, request, &mut timer);
     let filter = Duration::from_nanos(timer.ns());
     Sampled { decomposition, sample: began.elapsed().saturating_sub(filter), filter }
-}
-
-/// Creates the removal of flicker for maps of the order in `settings`.
-fn mains(settings: &Settings) -> Result<Mains<Vec<Cell>>, PipelineError> {
-    let order = Order::saturating(settings.order());
-    let cells = vec![Cell::default(); mains_len(order)];
-    Mains::try_new(order, settings.lamps, cells).map_err(|e| FrontError::Memory(e).into())
-}
-
-/// Creates a front end with memory from the heap.
-fn front_end(
-    calibration: &Calibration,
-    exposures: &[Exposure],
-    settings: &Settings,
-) -> Result<FrontEnd<Vec<u64>>, PipelineError> {
-    let order = Order::saturating(settings.order());
-    let sizes = Sizes::of(calibration, exposures, order)?;
-    let mut front = FrontEnd::try_new(*calibration, exposures, order, vec![0; sizes.words()])?;
-    front.set_extrapolation(settings.extrapolation);
-    front.set_merge_mode(settings.merge);
-    Ok(front)
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use crate::{burst, chart, decompose, import, render, replay, score};
 use clap::builder::PossibleValuesParser;
 use clap::{Args, Parser, Subcommand};
 use export::ExportArgs;
-use hemilux::pipeline::Settings;
+use hemilux::pipeline::{Settings, WINDOWS, WindowMode};
 use hemilux::recorded::ReadLimits;
 use hemilux::usage::{self, Explained};
 use hemilux_core::Extrapolation;
@@ -170,6 +170,9 @@ struct ReplayArgs {
     /// Mains frequency, hertz, whose lamp flicker is removed; auto measures the frequency, off removes no flicker.
     #[arg(long, default_value = "auto", value_parser = PossibleValuesParser::new(Lamps::NAMES))]
     mains: String,
+    /// Frames of a set: those of a burst, or the newest of each exposure, a set for every frame (needs --mains off).
+    #[arg(long, default_value = "burst", value_parser = PossibleValuesParser::new(WINDOWS.map(|(name, _)| name)))]
+    window: String,
     /// Bursts per second of a recording whose burst.toml files have no timestamp_ns.
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
@@ -368,11 +371,19 @@ fn run_replay(args: ReplayArgs) -> Result<(), SimError> {
             "--rate: found {rate}, expected a positive number of bursts per second"
         )));
     }
-    let lamps = Lamps::named(&args.mains).unwrap_or_default();
     let SamplerArgs { sampler, lights } = args.sampler;
     let ModelArgs { tolerance, ambient, soft } = args.model;
-    let settings =
-        Settings { sampler, lights, tolerance, ambient, soft, extrapolation, lamps, ..Settings::default() };
+    let settings = Settings {
+        sampler,
+        lights,
+        tolerance,
+        ambient,
+        soft,
+        extrapolation,
+        lamps: Lamps::named(&args.mains).unwrap_or_default(),
+        window: WindowMode::named(&args.window).unwrap_or_default(),
+        ..Settings::default()
+    };
     let export = args.export.export()?;
     let files = args.files.files(&export);
     replay::run(&replay::ReplayJob {

@@ -1,5 +1,7 @@
 //! `hemilux-sim replay`: processes recorded bursts with the probe's pipeline.
 
+mod rolling;
+
 use crate::error::SimError;
 use crate::export::Export;
 use crate::import;
@@ -7,9 +9,10 @@ use crate::output::Files;
 use crate::ratios;
 use hemilux::calibration::Burst;
 use hemilux::consistency::{self, LeftOut};
-use hemilux::pipeline::{Pipeline, PipelineError, Settings};
+use hemilux::pipeline::{Pipeline, PipelineError, Settings, WindowMode};
 use hemilux::recorded::{self, BurstFolder, ReadLimits, RecordedBurst};
 use hemilux_core::wire::{FramesLeftOut, LightSet};
+use rolling::RollingBurst;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -44,7 +47,8 @@ pub enum Exposures {
     Measured,
 }
 
-/// Processes the bursts; writes one light set per burst to standard output, and a summary of each burst to standard error.
+/// Processes the bursts; writes one light set per burst, or per frame with a sliding window, to standard output, and a summary of each set to
+/// standard error.
 ///
 /// # Errors
 /// [`SimError`] if a burst cannot be read or processed, or an output cannot be written.
@@ -53,6 +57,7 @@ pub fn run(job: &ReplayJob) -> Result<(), SimError> {
     job.export.check_count(bursts.len())?;
     let many = bursts.len() > 1;
     let mut pipeline: Option<Pipeline> = None;
+    let mut rolling = RollingBurst::default();
     for (index, folder) in bursts.iter().enumerate() {
         let mut read = read(job, &folder.folder)?;
         read.burst.timestamp_ns = read.burst.timestamp_ns.max(folder.timestamp_ns);
@@ -74,21 +79,23 @@ pub fn run(job: &ReplayJob) -> Result<(), SimError> {
             }
         };
         let pipeline = pipeline.insert(running);
+        if job.settings.window == WindowMode::Sliding {
+            rolling.process(
+                job,
+                pipeline,
+                &mut read,
+                SequencePosition { index, many, folder: &folder.folder },
+            )?;
+            continue;
+        }
         let found = pipeline.inspect(&read.burst);
         let left_out = consistency::remove(&mut read, &found);
-        for frame in &left_out {
-            eprintln!("hemilux-sim: {}/{frame}", folder.folder.display());
-        }
+        report(&folder.folder, &left_out);
         if is_first && job.exposures == Exposures::Stated {
             ratios::print(&ratios::of(&read.calibration, &read.burst));
         }
-        process(
-            job,
-            pipeline,
-            &read.burst,
-            SequencePosition { index, many, folder: &folder.folder },
-            &left_out,
-        )?;
+        let place = SequencePosition { index, many, folder: &folder.folder };
+        process(job, pipeline, &read.burst, FramesLeftOut::NONE, place, &left_out)?;
     }
     Ok(())
 }
@@ -116,6 +123,13 @@ fn read(job: &ReplayJob, folder: &Path) -> Result<RecordedBurst, SimError> {
     }
 }
 
+/// Reports the frames that were left out.
+fn report(folder: &Path, left_out: &[LeftOut]) {
+    for frame in left_out {
+        eprintln!("hemilux-sim: {}/{frame}", folder.display());
+    }
+}
+
 /// Position of a burst in its sequence.
 #[derive(Clone, Copy)]
 struct SequencePosition<'a> {
@@ -129,11 +143,11 @@ fn process(
     job: &ReplayJob,
     pipeline: &mut Pipeline,
     burst: &Burst,
+    found: FramesLeftOut,
     place: SequencePosition<'_>,
     left_out: &[LeftOut],
 ) -> Result<(), SimError> {
-    let processed =
-        pipeline.process_kept(burst, FramesLeftOut::NONE, Instant::now()).map_err(|e| at(place.folder, e))?;
+    let processed = pipeline.process_kept(burst, found, Instant::now()).map_err(|e| at(place.folder, e))?;
     let seen = processed.seen;
     eprintln!(
         "hemilux-sim: {}: shares of the hemisphere: clipped {:.4}, unseen {:.4}; light from below {:.4} of the light from above",
@@ -160,6 +174,7 @@ fn process(
 fn at(folder: &Path, e: PipelineError) -> SimError {
     match e {
         PipelineError::Sampler(e) => e.into(),
+        e @ PipelineError::Window(_) => SimError::Usage(e.to_string()),
         e => SimError::Failed(format!("{}: {e}", folder.join("burst.toml").display())),
     }
 }

@@ -304,13 +304,17 @@ impl std::fmt::Display for LeftOut {
     }
 }
 
+/// Returns the descriptions of the frames `found` of a recorded burst.
+#[must_use]
+pub fn described(read: &RecordedBurst, found: &FramesLeftOut) -> Vec<LeftOut> {
+    let files = found.iter().filter_map(|f| read.files.get(f.index).map(|file| (f, file)));
+    files.map(|(f, file)| LeftOut { file: file.clone(), index: f.index, fault: f.fault }).collect()
+}
+
 /// Removes the frames `found` from a recorded burst and returns their descriptions.
 pub fn remove(read: &mut RecordedBurst, found: &FramesLeftOut) -> Vec<LeftOut> {
     let exposures = read.burst.frames.len().min(read.files.len());
-    let files = found.iter().filter(|frame| frame.index < exposures);
-    let left_out = files
-        .map(|f| LeftOut { file: read.files[f.index].clone(), index: f.index, fault: f.fault })
-        .collect();
+    let left_out = described(read, found);
     let kept = |index: &usize| !found.contains(*index);
     read.files = (0..exposures).filter(kept).map(|i| std::mem::take(&mut read.files[i])).collect();
     let frames = std::mem::take(&mut read.burst.frames).into_iter().enumerate();

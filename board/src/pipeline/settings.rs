@@ -1,11 +1,12 @@
 //! Settings of a pipeline, and the errors of settings that do not fit a camera.
 
+use super::window_mode::WindowMode;
 use crate::samplers::{self, SamplerError, Tuning};
 use hemilux_core::mains::Lamps;
 use hemilux_core::polar::Grid;
 use hemilux_core::{
-    BurstError, Extrapolation, FrontError, MergeError, MergeMode, PixelTableError, Request, ResponseError,
-    SamplerKind,
+    BurstError, Domain, Extrapolation, FrontError, MergeError, MergeMode, PixelTableError, Request,
+    ResponseError, SamplerKind,
 };
 
 /// Settings of a pipeline.
@@ -23,6 +24,8 @@ pub struct Settings {
     pub soft: bool,
     /// Whether all exposures of a burst are merged at each pixel, or only the needed ones.
     pub merge: MergeMode,
+    /// The frames that a set is computed from.
+    pub window: WindowMode,
     /// Radiance of the part of the hemisphere outside of the lens's field.
     pub extrapolation: Extrapolation,
     /// Frequency of the mains lamps whose flicker is removed.
@@ -44,6 +47,7 @@ impl Default for Settings {
             ambient: false,
             soft: false,
             merge: MergeMode::Needed,
+            window: WindowMode::Burst,
             extrapolation: Extrapolation::None,
             lamps: Lamps::Auto,
             tuning: Tuning::default(),
@@ -58,6 +62,17 @@ impl Settings {
     #[must_use]
     pub fn request(&self) -> Request {
         Request { lights: self.lights, tolerance: self.tolerance, ambient: self.ambient, soft: self.soft }
+    }
+
+    /// Checks that the sampler can give the requested number of lights, and that the settings do not exclude each other.
+    ///
+    /// # Errors
+    /// [`PipelineError::Sampler`] and [`PipelineError::Window`].
+    pub fn check(&self) -> Result<(), PipelineError> {
+        samplers::check(self.sampler, Domain::Hemisphere, &self.request())?;
+        // The fit of the flicker needs bursts of equal exposures.
+        let excludes = self.window == WindowMode::Sliding && self.lamps != Lamps::Off;
+        if excludes { Err(PipelineError::Window(self.lamps.name())) } else { Ok(()) }
     }
 
     /// Returns the HEALPix order of the map.
@@ -91,6 +106,11 @@ pub enum PipelineError {
     /// The sampler does not support the request of the settings.
     #[error(transparent)]
     Sampler(#[from] SamplerError),
+    /// A sliding window with the removal of flicker.
+    #[error(
+        "window: found sliding with mains = {0}, expected mains = off, since flicker is removed from bursts alone"
+    )]
+    Window(&'static str),
     /// The frames do not fit the calibration.
     #[error("burst: found {0}, expected frames that fit the calibration")]
     Burst(BurstError),

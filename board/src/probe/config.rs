@@ -2,9 +2,8 @@
 
 use super::tiers;
 use crate::pipeline::{PipelineError, Settings};
-use crate::samplers::{self, SamplerError};
+use crate::samplers::SamplerError;
 use crate::timing::Budgets;
-use hemilux_core::healpix::Domain;
 use hemilux_core::{Extrapolation, MergeMode};
 
 /// Names of the kinds of extrapolation that `--extrapolation` and `change?extrapolation=` accept.
@@ -100,17 +99,18 @@ impl From<PipelineError> for Refusal {
             PipelineError::Merge(_) | PipelineError::Exposures(_) => {
                 Self { setting: "exposures_s", why: error.to_string() }
             }
+            PipelineError::Window(_) => Self { setting: "window", why: error.to_string() },
             _ => Self { setting: "sampler", why: error.to_string() },
         }
     }
 }
 
 impl Config {
-    /// Checks that the sampler supports the number of lights, the tolerance and ambient light.
+    /// Checks that the sampler can give the requested number of lights, and that the settings do not exclude each other.
     ///
     /// # Errors
     /// [`Refusal`] of the first setting whose value the sampler does not support.
     pub fn check(&self) -> Result<(), Refusal> {
-        Ok(samplers::check(self.pipeline.sampler, Domain::Hemisphere, &self.pipeline.request())?)
+        Ok(self.pipeline.check()?)
     }
 }

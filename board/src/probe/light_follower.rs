@@ -17,6 +17,8 @@ pub(super) struct LightFollower {
     planner: Option<(Calibration, TimeRange, Planner)>,
     /// The mains frequency of the lamps that the source was last told.
     lamps: Lamps,
+    /// One bit for each frame index, set if the frame is new since the last plan.
+    renewed: u16,
 }
 
 impl LightFollower {
@@ -43,13 +45,20 @@ impl LightFollower {
     /// Plans the exposures of the bursts after `burst`, in which the fraction `clipped` of the light is clipped. Returns true if the
     /// exposures change.
     ///
+    /// Exposures are planned when each frame of `burst` is new since the last plan: in a sliding window, once per round of all exposures.
     /// Sources of fixed exposures are left unchanged. A burst whose exposures differ from the present ones of the source is ignored: it is
     /// incomplete, or from before a change of exposures.
     pub(super) fn follow(&mut self, source: &mut dyn Source, burst: &Burst, clipped: f64) -> bool {
         let Some(range) = source.exposure_range() else { return false };
         if !burst.frames.iter().map(|frame| frame.exposure).eq(source.exposures()) {
+            self.renewed = 0;
             return false;
         }
+        self.renewed |= !burst.stale;
+        if !(0..burst.frames.len()).all(|index| self.renewed >> (index & 15) & 1 != 0) {
+            return false;
+        }
+        self.renewed = 0;
         let calibration = source.calibration();
         let is_other = |(c, r, _): &(Calibration, TimeRange, Planner)| c != calibration || *r != range;
         if self.planner.as_ref().is_none_or(is_other) {

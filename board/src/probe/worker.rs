@@ -12,7 +12,7 @@ use super::{Config, Exposures, Link, Refusal};
 use crate::calibration::{Burst, Frame};
 use crate::clock;
 use crate::light_set::{self, OwnedSet};
-use crate::pipeline::{Pipeline, PipelineError};
+use crate::pipeline::{Pipeline, PipelineError, WindowMode};
 use crate::source::{Source, SourceError};
 use hemilux_core::Exposure;
 use hemilux_core::wire::{Latency, LightSet, Unit};
@@ -117,6 +117,10 @@ impl Worker {
         self.follow_switch();
         let began = Instant::now();
         self.burst.phase_ns = 0;
+        let is_sliding = self.pipeline.settings().window == WindowMode::Sliding;
+        if !self.source.set_sliding(is_sliding) {
+            self.burst.stale = 0;
+        }
         let outcome = self.source.next(&mut self.burst);
         let capture = began.elapsed();
         self.follow_requests();
@@ -139,7 +143,7 @@ impl Worker {
 
     fn process(&mut self, capture: Duration) -> Result<(), SourceError> {
         let ended_ns = self.end_of_burst();
-        let delivery_us = us_since(ended_ns);
+        let delivery_us = clock::us_since(ended_ns);
         self.link.durations.start_frame(Instant::now());
         let name = self.config.pipeline.sampler.name();
         let requested = u32::try_from(self.config.pipeline.lights).unwrap_or(u32::MAX);
@@ -170,7 +174,7 @@ impl Worker {
         let durations = &self.link.durations;
         let set = self.ring.fill(|set| {
             light_set::copy(&made, set);
-            latency.total = us_since(ended_ns);
+            latency.total = clock::us_since(ended_ns);
             set.latency = latency;
             set.overrun = durations.add(&latency, self.ladder.quality().every);
             set.wall_ms = clock::wall_ms();
@@ -189,6 +193,7 @@ impl Worker {
         }
         self.light.follow_lamps(self.source.as_mut(), self.config.pipeline.lamps, &set.flicker);
         self.follow_duration(set.latency.total, delivery_us);
+        self.burst.stale = u16::MAX;
         Ok(())
     }
 
@@ -285,6 +290,8 @@ impl Worker {
     fn follow_switch(&mut self) {
         let Some(source) = self.link.source.take() else { return };
         self.source = source;
+        // A sliding window begins with a whole burst of the new source.
+        self.burst.frames.clear();
         self.source.notes().iter().for_each(|note| tracing::warn!("{note}"));
         self.light.greet(self.source.as_mut());
         self.link.settings.set_exposures(exposures(&*self.source));
@@ -383,11 +390,6 @@ impl Drop for Worker {
         self.link.status.set_failure(Some("the processing thread has ended".into()));
         self.link.status.set_ended();
     }
-}
-
-/// Returns the time since `ns` nanoseconds of CLOCK_MONOTONIC, microseconds.
-fn us_since(ns: u64) -> u32 {
-    u32::try_from(clock::monotonic_ns().saturating_sub(ns) / 1000).unwrap_or(u32::MAX)
 }
 
 fn exposures(source: &dyn Source) -> Exposures {

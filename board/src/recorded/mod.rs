@@ -97,6 +97,8 @@ pub struct RecordedBurst {
     pub burst: Burst,
     /// File name of each frame, in the order of the frames.
     pub files: Vec<String>,
+    /// The time of each frame, nanoseconds; 0 where unknown.
+    pub times_ns: Vec<u64>,
 }
 
 /// Reads the recorded burst in `folder` within `limits`.
@@ -146,15 +148,20 @@ fn read_manifest(
     let timestamp_ns = manifest.frame.iter().filter_map(|f| f.timestamp_ns).max().unwrap_or(0);
     let phase_ns = manifest.shortest_ns().unwrap_or(0);
     let frames = images.into_iter().zip(&manifest.frame);
-    let mut frames: Vec<(Frame, String)> = frames
-        .map(|(image, f)| (Frame { exposure: f.exposure(), pixels: image.pixels }, f.file.clone()))
+    let mut frames: Vec<(Frame, (String, u64))> = frames
+        .map(|(image, f)| {
+            let frame = Frame { exposure: f.exposure(), pixels: image.pixels };
+            (frame, (f.file.clone(), f.timestamp_ns.unwrap_or(0)))
+        })
         .collect();
     frames.sort_by(|(a, _), (b, _)| a.light().total_cmp(&b.light()));
-    let (frames, files) = frames.into_iter().unzip();
+    let (frames, names): (_, Vec<_>) = frames.into_iter().unzip();
+    let (files, times_ns) = names.into_iter().unzip();
     Ok(RecordedBurst {
         calibration,
         burst: Burst { frames, timestamp_ns, phase_ns, ..Burst::default() },
         files,
+        times_ns,
     })
 }
 

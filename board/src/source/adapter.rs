@@ -41,6 +41,11 @@ pub trait Adapter: Send {
         self.inner_mut().set_exposures(seconds)
     }
 
+    /// Implements [`Source::set_sliding`] for the adapter.
+    fn set_sliding(&mut self, is_sliding: bool) -> bool {
+        self.inner_mut().set_sliding(is_sliding)
+    }
+
     /// Implements [`Source::camera`] for the adapter.
     fn camera(&self, status: &mut CameraStatus) -> bool {
         self.inner().camera(status)
@@ -86,6 +91,10 @@ impl<A: Adapter> Source for A {
 
     fn set_lamps(&mut self, lamps: Lamps) {
         self.inner_mut().set_lamps(lamps);
+    }
+
+    fn set_sliding(&mut self, is_sliding: bool) -> bool {
+        Adapter::set_sliding(self, is_sliding)
     }
 
     fn camera(&self, status: &mut CameraStatus) -> bool {

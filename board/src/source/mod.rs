@@ -96,6 +96,12 @@ pub trait Source: Send {
     /// whole number of periods of the lamps, if the exposures can be changed.
     fn set_lamps(&mut self, _lamps: Lamps) {}
 
+    /// Whether each later call of [`Source::next`] with the burst of the call before gives one more frame, which it
+    /// [renews](Burst::renew) in place, instead of a whole burst. Returns false for a source that gives whole bursts in any case.
+    fn set_sliding(&mut self, _is_sliding: bool) -> bool {
+        false
+    }
+
     /// Writes the states and counters of the source's camera into `status`; returns false for a source without a camera.
     fn camera(&self, _status: &mut CameraStatus) -> bool {
         false

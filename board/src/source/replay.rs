@@ -27,6 +27,9 @@ pub struct ReplaySource {
     /// Time of the shortest exposure of each burst, nanoseconds from any origin.
     phases: Vec<u64>,
     at: usize,
+    is_sliding: bool,
+    /// Index of the next frame of a sliding window.
+    frame: usize,
     due: Option<Instant>,
 }
 
@@ -63,7 +66,17 @@ impl ReplaySource {
         let calibration = camera.ok_or_else(none)?;
         let intervals = intervals(&bursts, pace);
         let phases = phases(&bursts, &intervals);
-        Ok(Self { calibration, bursts, notes, intervals, phases, at: 0, due: None })
+        Ok(Self {
+            calibration,
+            bursts,
+            notes,
+            intervals,
+            phases,
+            at: 0,
+            is_sliding: false,
+            frame: 0,
+            due: None,
+        })
     }
 
     /// Creates a source that repeats `bursts` of the camera `calibration` at `pace`; `None` without bursts.
@@ -79,6 +92,8 @@ impl ReplaySource {
             intervals,
             phases,
             at: 0,
+            is_sliding: false,
+            frame: 0,
             due: None,
         })
     }
@@ -109,6 +124,11 @@ impl Source for ReplaySource {
         &self.notes
     }
 
+    fn set_sliding(&mut self, is_sliding: bool) -> bool {
+        self.is_sliding = is_sliding;
+        true
+    }
+
     fn exposures(&self) -> Vec<Exposure> {
         self.bursts[0].frames.iter().map(|f| f.exposure).collect()
     }
@@ -116,13 +136,26 @@ impl Source for ReplaySource {
     fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
         let due = *self.due.get_or_insert_with(Instant::now);
         wait_for(due)?;
+        let recorded = &self.bursts[self.at].frames;
+        let slides = self.is_sliding && burst.frames.len() == recorded.len();
+        let steps = if slides { recorded.len() as u32 } else { 1 };
         // The next burst is timed from the due time of this one; if that has passed, the recording plays slower.
-        self.due = Some((due + self.intervals[self.at]).max(Instant::now()));
+        self.due = Some((due + self.intervals[self.at] / steps).max(Instant::now()));
         burst.before_ns = clock::monotonic_ns();
         burst.timestamp_ns = burst.before_ns;
         burst.phase_ns = self.phases[self.at];
-        copy_frames(&self.bursts[self.at].frames, &mut burst.frames);
-        self.at = (self.at + 1) % self.bursts.len();
+        if slides {
+            let frame = self.frame.min(recorded.len() - 1);
+            copy_frame(&recorded[frame], &mut burst.frames[frame]);
+            burst.renew(frame);
+            self.frame = (frame + 1) % recorded.len();
+        } else {
+            copy_frames(recorded, &mut burst.frames);
+            (burst.stale, self.frame) = (0, 0);
+        }
+        if self.frame == 0 {
+            self.at = (self.at + 1) % self.bursts.len();
+        }
         Ok(())
     }
 }

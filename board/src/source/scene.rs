@@ -47,6 +47,7 @@ pub struct SceneSource {
     /// True if [`Source::set_exposures`] has replaced the exposures of the source.
     is_set: bool,
     beat: Beat,
+    is_sliding: bool,
 }
 
 impl SceneSource {
@@ -69,6 +70,7 @@ impl SceneSource {
             lamps: Lamps::Auto,
             is_set: false,
             beat: Beat::new(pace),
+            is_sliding: false,
         }
     }
 
@@ -81,7 +83,9 @@ impl SceneSource {
             for (patch, _) in touched {
                 paint(patch, &self.directions[y * WIDTH..(y + 1) * WIDTH], &mut self.row);
             }
-            for (i, (frame, gain)) in burst.frames.iter_mut().zip(&self.gains).enumerate() {
+            let stale = burst.stale;
+            let frames = burst.frames.iter_mut().zip(&self.gains).enumerate();
+            for (i, (frame, gain)) in frames.filter(|(i, _)| stale >> (i & 15) & 1 == 0) {
                 let Pixels::U8(codes) = &mut frame.pixels else { continue };
                 let seed = number.wrapping_mul(3).wrapping_add(i as u32).wrapping_mul(HEIGHT as u32);
                 let codes = &mut codes[y * ROW..(y + 1) * ROW];
@@ -124,9 +128,20 @@ impl Source for SceneSource {
         None
     }
 
+    fn set_sliding(&mut self, is_sliding: bool) -> bool {
+        self.is_sliding = is_sliding;
+        true
+    }
+
     fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
         let number = self.beat.due()?;
+        let is_same = burst.frames.iter().map(|frame| frame.exposure).eq(self.exposures.iter().copied());
         make_room(burst, &self.exposures);
+        if !(self.is_sliding && is_same) {
+            burst.stale = 0;
+        } else {
+            burst.renew(number as usize % self.exposures.len().max(1));
+        }
         burst.before_ns = clock::monotonic_ns();
         self.render(number, burst);
         burst.timestamp_ns = clock::monotonic_ns();

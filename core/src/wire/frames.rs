@@ -72,6 +72,12 @@ impl FramesLeftOut {
         }
     }
 
+    /// Removes the frames whose index does not satisfy `is`.
+    pub fn retain(&mut self, is: impl Fn(usize) -> bool) {
+        let others = self.0.iter_mut().enumerate().filter(|(index, _)| !is(*index));
+        others.for_each(|(_, slot)| *slot = None);
+    }
+
     /// Returns whether the frame with index `index` was not merged.
     #[must_use]
     pub fn contains(&self, index: usize) -> bool {

@@ -36,6 +36,9 @@ export async function settings(browser, url) {
   // Budgets that are always exceeded would reduce the quality of later sets.
   await act("degrade", s => page.uncheck(s), async () => (await values()).degrade === false);
   await act("mains", choose("off"), async () => (await values()).mains === "off");
+  // The flicker of lamps is removed from bursts alone, so that the window can slide only with mains off.
+  await act("window", choose("sliding"), async () => (await values()).window === "sliding");
+  await act("window", choose("burst"), async () => (await values()).window === "burst");
   await act("merge", choose("all"), async () => (await values()).merge === "all");
   await act("auto_exposures", s => page.check(s), async () => (await values()).auto_exposures === true);
   await act("auto_exposures", s => page.uncheck(s), async () => await page.locator("#burst figure").count() === 3);

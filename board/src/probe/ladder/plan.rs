@@ -1,6 +1,6 @@
 //! The quality levels that the settings allow.
 
-use crate::pipeline::Settings;
+use crate::pipeline::{Settings, WindowMode};
 use crate::samplers::ORDERS;
 use hemilux_core::healpix::Domain;
 use hemilux_core::wire::{Degraded, Step};
@@ -44,6 +44,8 @@ impl Quality {
         let mut lower = self;
         lower.steps.add(step);
         match step {
+            // A sliding window reads one frame per set.
+            Step::Exposures if settings.window == WindowMode::Sliding => {}
             Step::Exposures => lower.exposures = self.exposures.div_ceil(2).max(LEAST_EXPOSURES),
             Step::Order => lower.order = self.order.saturating_sub(1).max(*ORDERS.start()),
             Step::Lights => {

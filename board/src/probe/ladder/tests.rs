@@ -1,6 +1,7 @@
 //! Degradation with frame times given by a formula, at ten bursts a second of simulated time.
 
 use super::*;
+use crate::pipeline::WindowMode;
 use hemilux_core::wire::Step;
 
 const BUDGET_US: u32 = 60_000;
@@ -74,6 +75,14 @@ fn settings_at_the_limit_of_a_step_have_no_level_of_it() {
     let settings = Settings { lights: 4, order: Some(4), ..Settings::default() };
     let levels = plan::levels(&settings, 1);
     assert_eq!(levels.iter().map(|level| level.every).collect::<Vec<_>>(), [1, 2, 4, 8], "the rate alone");
+}
+
+#[test]
+fn a_sliding_window_has_no_level_with_fewer_exposures() {
+    let settings = Settings { window: WindowMode::Sliding, lights: 4, order: Some(4), ..Settings::default() };
+    let levels = plan::levels(&settings, 3);
+    assert!(levels.iter().all(|level| level.exposures == 3), "{levels:?}");
+    assert_eq!(levels.iter().map(|level| level.every).collect::<Vec<_>>(), [1, 2, 4, 8]);
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! The table of all settings of the probe.
 
 use super::{Group, Kind, Setting, shortest};
+use crate::pipeline::{WINDOWS, WindowMode};
 use crate::probe::config::{EXTRAPOLATIONS, MERGES, extrapolation_name, merge_name};
 use crate::probe::tiers;
 use crate::samplers::{CUTOFFS_HZ, MAX_LIGHTS, ORDERS, TAPS, THRESHOLDS, TOLERANCES};
@@ -11,6 +12,8 @@ use hemilux_core::mains::Lamps;
 use serde_json::{Value, json};
 
 const EXTRAPOLATION_NAMES: [&str; EXTRAPOLATIONS.len()] = [EXTRAPOLATIONS[0].0, EXTRAPOLATIONS[1].0];
+
+const WINDOW_NAMES: [&str; WINDOWS.len()] = [WINDOWS[0].0, WINDOWS[1].0];
 
 const MERGE_NAMES: [&str; MERGES.len()] = [MERGES[0].0, MERGES[1].0];
 
@@ -190,6 +193,18 @@ pub static SETTINGS: &[Setting] = &[
             let known = MERGES.iter().find(|(name, _)| v.as_str() == Some(*name));
             put(&mut c.pipeline.merge, known.map(|(_, mode)| *mode));
         },
+        in_use: |_| true,
+    },
+    Setting {
+        name: "window",
+        parameter: "window",
+        title: "Window",
+        group: Group::Map,
+        kind: Kind::Choice(&WINDOW_NAMES),
+        unit: None,
+        what: "Frames of a set: those of one burst, or, sliding, the newest frame of each exposure, which gives a set for every frame of the camera. Places that changed take the newest valid frame alone. Sliding reads every frame whole and needs mains off.",
+        value: |c| json!(c.pipeline.window.name()),
+        set: |c, v| put(&mut c.pipeline.window, v.as_str().and_then(WindowMode::named)),
         in_use: |_| true,
     },
     Setting {

@@ -12,6 +12,8 @@ pub(super) struct Assembler {
     frames: Vec<RawFrame>,
     /// True for each exposure of which there is a frame since the last burst.
     there: Vec<bool>,
+    /// Whether the frame of that exposure was not handed over yet.
+    fresh: Vec<bool>,
 }
 
 impl Assembler {
@@ -20,6 +22,8 @@ impl Assembler {
         self.frames.resize_with(slots, RawFrame::default);
         self.there.clear();
         self.there.resize(slots, false);
+        self.fresh.clear();
+        self.fresh.resize(slots, false);
     }
 
     /// Exchanges `frame` with the stored frame of its exposure; returns true when there is a new frame of each exposure, which completes a
@@ -28,7 +32,7 @@ impl Assembler {
         let Some(slot) = frame.taken.slot.filter(|s| *s < self.frames.len()) else { return false };
         let newest = frame.taken.sequence;
         std::mem::swap(&mut self.frames[slot], frame);
-        self.there[slot] = true;
+        (self.there[slot], self.fresh[slot]) = (true, true);
         let most = ROUNDS * self.frames.len() as u32;
         for (there, old) in self.there.iter_mut().zip(&self.frames) {
             *there &= newest.wrapping_sub(old.taken.sequence) < most;
@@ -41,6 +45,22 @@ impl Assembler {
         burst.resize_with(self.frames.len(), RawFrame::default);
         std::mem::swap(&mut self.frames, burst);
         self.there.fill(false);
+        self.fresh.fill(false);
+    }
+
+    /// Hands over the frames that were not handed over before, for memory of old ones, and keeps the others for the next window. Returns
+    /// one bit for each exposure whose frame is new.
+    pub fn take_new(&mut self, burst: &mut Vec<RawFrame>) -> u16 {
+        burst.resize_with(self.frames.len(), RawFrame::default);
+        let mut new = 0;
+        for (index, (own, frame)) in self.frames.iter_mut().zip(burst).enumerate() {
+            if std::mem::take(&mut self.fresh[index]) {
+                std::mem::swap(own, frame);
+                own.taken = frame.taken;
+                new |= 1 << index;
+            }
+        }
+        new
     }
 }
 

@@ -1,7 +1,7 @@
 //! The capture thread of a camera: fetches frames, assembles bursts and reports the reason when there are none.
 
 use super::assemble::Assembler;
-use super::shared::{RawBurst, Request, Shared};
+use super::shared::{CaptureState, RawBurst, Request, Shared};
 use super::terms::Terms;
 use crate::camera_status::{CameraStatus, ExposureStatus, ViewStatus};
 use crate::v4l2::capture::Camera;
@@ -26,6 +26,7 @@ pub(super) fn run(supervisor: Supervisor, burst: RawBurst, shared: &Shared) {
         burst,
         terms,
         streaming: false,
+        is_sliding: false,
         resyncs: 0,
         changes: 0,
         requests: 0,
@@ -54,6 +55,8 @@ struct Capture<'a> {
     burst: RawBurst,
     terms: Arc<Terms>,
     streaming: bool,
+    /// Whether each frame is handed over by itself.
+    is_sliding: bool,
     /// Numbers of delay corrections and of measured exposures that have been logged.
     resyncs: u64,
     changes: u64,
@@ -74,6 +77,7 @@ impl Capture<'_> {
         match outcome {
             Outcome::Frame => {
                 self.take_over_exposures();
+                self.follow_window();
                 if self.assembler.push(&mut self.frame) {
                     self.publish();
                 } else {
@@ -141,20 +145,39 @@ impl Capture<'_> {
         self.supervisor.camera().map(Camera::counters).unwrap_or_default()
     }
 
+    /// Starts again with a whole burst if the sets are to be those of bursts instead of frames, or of frames instead of bursts: of a sliding
+    /// window, the assembler has the newest frame alone.
+    fn follow_window(&mut self) {
+        let is_sliding = self.shared.is_sliding.load(Ordering::Relaxed);
+        if is_sliding != self.is_sliding {
+            self.is_sliding = is_sliding;
+            self.assembler.reset(self.terms.seconds.len());
+        }
+    }
+
     fn publish(&mut self) {
-        self.assembler.take(&mut self.burst.frames);
-        self.burst.terms = Arc::clone(&self.terms);
+        if !self.is_sliding {
+            self.assembler.take(&mut self.burst.frames);
+            self.burst.terms = Arc::clone(&self.terms);
+        }
         let counters = self.counters();
         let all = self.past.plus(&counters);
         let camera = self.supervisor.camera();
         let mut state = self.shared.lock();
         (state.reopened, state.counters) = (self.supervisor.reopened(), all);
+        if self.is_sliding {
+            state.new |= self.assembler.take_new(&mut state.burst.frames);
+            state.burst.terms = Arc::clone(&self.terms);
+        } else {
+            std::mem::swap(&mut state.burst, &mut self.burst);
+            state.new = u16::MAX;
+        }
         if let Some(camera) = camera {
             let reopened = self.supervisor.reopened();
-            describe(&mut state.status, camera, &self.burst, &all);
-            state.status.reopened = reopened;
+            let CaptureState { burst, status, .. } = &mut *state;
+            describe(status, camera, burst, &all);
+            status.reopened = reopened;
         }
-        std::mem::swap(&mut state.burst, &mut self.burst);
         (state.fresh, state.down) = (true, None);
         drop(state);
         self.shared.news.notify_all();

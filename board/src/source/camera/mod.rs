@@ -72,6 +72,8 @@ pub struct CameraSource {
     is_set: bool,
     /// The newest request for exposure times to the capture thread.
     request: Request,
+    /// One bit for each exposure whose frame in `raw` is new.
+    new: u16,
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
 }
@@ -116,6 +118,7 @@ impl CameraSource {
         let raw = RawBurst::none(&terms);
         let state = CaptureState {
             burst: RawBurst::none(&terms),
+            new: 0,
             fresh: false,
             down: None,
             counters: Counters::default(),
@@ -123,8 +126,12 @@ impl CameraSource {
             status: CameraStatus::default(),
             request: None,
         };
-        let shared =
-            Arc::new(Shared { state: Mutex::new(state), news: Condvar::new(), stop: AtomicBool::new(false) });
+        let shared = Arc::new(Shared {
+            state: Mutex::new(state),
+            news: Condvar::new(),
+            is_sliding: AtomicBool::new(false),
+            stop: AtomicBool::new(false),
+        });
         let thread = std::thread::Builder::new().name("hemilux-camera".into());
         let theirs = Arc::clone(&shared);
         let burst = RawBurst::none(&terms);
@@ -133,8 +140,21 @@ impl CameraSource {
             .map_err(OpenCameraError::Thread)?;
         let calibration = terms.calibration(lens.as_ref());
         let (lamps, thread) = (Lamps::Auto, Some(thread));
-        let is_set = false;
-        Ok(Self { calibration, lens, raw, own_s, is_named, is_auto, lamps, is_set, request, shared, thread })
+        let (is_set, new) = (false, 0);
+        Ok(Self {
+            calibration,
+            lens,
+            raw,
+            new,
+            own_s,
+            is_named,
+            is_auto,
+            lamps,
+            is_set,
+            request,
+            shared,
+            thread,
+        })
     }
 
     /// Returns the exposure times without a setting, seconds: those that the options name, or the usual ones, of which the longest is a
@@ -187,6 +207,7 @@ impl CameraSource {
             state.fresh = false;
             let before = Arc::clone(&self.raw.terms);
             std::mem::swap(&mut state.burst, &mut self.raw);
+            self.new = std::mem::take(&mut state.new);
             drop(state);
             if self.raw.terms != before {
                 self.calibration = self.raw.terms.calibration(self.lens.as_ref());
@@ -259,8 +280,13 @@ impl Source for CameraSource {
         self.next_raw()?;
         (burst.before_ns, burst.timestamp_ns) = (self.raw.before_ns(), self.raw.timestamp_ns());
         burst.phase_ns = self.raw.shortest_ns();
-        hand_over(&mut self.raw, burst);
+        hand_over(&mut self.raw, self.new, burst);
         Ok(())
+    }
+
+    fn set_sliding(&mut self, is_sliding: bool) -> bool {
+        self.shared.is_sliding.store(is_sliding, Ordering::Relaxed);
+        true
     }
 }
 
@@ -275,16 +301,22 @@ impl Drop for CameraSource {
     }
 }
 
-/// Moves the frames of `raw` into `burst`, and the memory of `burst` into `raw`: a frame is copied once, from the driver's buffer.
-fn hand_over(raw: &mut RawBurst, burst: &mut Burst) {
+/// Moves the frames of `raw` that are `new`, one bit each, into `burst`, and the memory of `burst` into `raw`: a frame is copied once, from
+/// the driver's buffer.
+fn hand_over(raw: &mut RawBurst, new: u16, burst: &mut Burst) {
     let (frames, seconds) = (&mut raw.frames, &raw.terms.seconds);
     let empty = || Frame { exposure: Exposure { seconds: 1.0, gain: 1.0 }, pixels: Pixels::U8(Vec::new()) };
     burst.frames.resize_with(frames.len(), empty);
-    for ((raw, seconds), frame) in frames.iter_mut().zip(seconds).zip(&mut burst.frames) {
+    for (index, ((raw, seconds), frame)) in frames.iter_mut().zip(seconds).zip(&mut burst.frames).enumerate()
+    {
         frame.exposure = Exposure { seconds: *seconds, gain: 1.0 };
+        if new >> (index & 15) & 1 == 0 {
+            continue;
+        }
         match &mut frame.pixels {
             Pixels::U8(bytes) => std::mem::swap(bytes, &mut raw.bytes),
             other => *other = Pixels::U8(std::mem::take(&mut raw.bytes)),
         }
     }
+    burst.stale &= !new;
 }

@@ -57,6 +57,8 @@ pub(super) struct Request {
 #[derive(Debug)]
 pub(super) struct CaptureState {
     pub burst: RawBurst,
+    /// One bit for each exposure whose frame in `burst` was not handed over yet.
+    pub new: u16,
     pub fresh: bool,
     /// The reason why no frames arrive; `None` while frames arrive.
     pub down: Option<String>,
@@ -73,6 +75,8 @@ pub(super) struct CaptureState {
 pub(super) struct Shared {
     pub state: Mutex<CaptureState>,
     pub news: Condvar,
+    /// Whether each frame is handed over by itself.
+    pub is_sliding: AtomicBool,
     pub stop: AtomicBool,
 }
 

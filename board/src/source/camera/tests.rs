@@ -355,11 +355,11 @@ fn a_burst_is_moved_and_not_copied_on_its_way_to_the_merge() {
         bytes.collect::<Vec<_>>()
     };
     let first = buffers(&raw);
-    hand_over(&mut raw, &mut burst);
+    hand_over(&mut raw, u16::MAX, &mut burst);
     assert_eq!(merged(&burst), first, "the same memory");
     raw.frames = vec![frame(3), frame(4)];
     let second = buffers(&raw);
-    hand_over(&mut raw, &mut burst);
+    hand_over(&mut raw, u16::MAX, &mut burst);
     assert_eq!((merged(&burst), buffers(&raw)), (second, first), "and the old memory goes back");
 }
 

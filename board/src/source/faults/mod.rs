@@ -93,6 +93,11 @@ impl Adapter for FaultSource {
         self.inner.as_mut()
     }
 
+    fn set_sliding(&mut self, _is_sliding: bool) -> bool {
+        self.inner.set_sliding(false);
+        false
+    }
+
     fn next_burst(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
         if self.gone_until.is_some_and(|until| Instant::now() < until) {
             return Err(gone());

@@ -198,7 +198,7 @@ impl Filming {
         let frames = codes.into_iter().zip(self.exposures());
         let frames = frames.map(|(codes, exposure)| Frame { exposure, pixels: self.camera.pixels(codes) });
         let timestamp_ns = times_ns.iter().copied().max().unwrap_or(0);
-        Burst { frames: frames.collect(), before_ns: 0, timestamp_ns, phase_ns: times_ns[0] }
+        Burst { frames: frames.collect(), timestamp_ns, phase_ns: times_ns[0], ..Burst::default() }
     }
 
     /// Writes the burst with the number `burst` as a recorded burst to `folder`; with `has_times`, the frames have time stamps.
