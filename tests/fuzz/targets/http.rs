@@ -19,6 +19,9 @@ const PATIENCE: Duration = Duration::from_millis(40);
 const MOST: u64 = 1 << 16;
 
 static SERVER: LazyLock<(Probe, Running)> = LazyLock::new(|| {
+    // As in every program of Rust, whose `main` libFuzzer replaces: writing to a closed connection is an error, not the end of the process.
+    // SAFETY: no other thread sets signals.
+    unsafe { libc::signal(libc::SIGPIPE, libc::SIG_IGN) };
     let scene = scene::by_name("lamps").expect("a scene");
     let source = SceneSource::new(scene, Pace::Every(Duration::from_millis(10)));
     let probe = Probe::start(Box::new(source), "scene:lamps".into(), Config::default()).expect("a probe");

@@ -194,11 +194,29 @@ pub(super) fn keep_energy(lights: &mut [Light], total: [f32; 3]) {
             *s += f64::from(v);
         }
     }
-    let factor: [f32; 3] =
-        core::array::from_fn(|c| if sum[c] > 0.0 { (f64::from(total[c]) / sum[c]) as f32 } else { 1.0 });
+    // A channel of which the lights have almost nothing left has a factor above the largest number.
+    let factor: [f32; 3] = core::array::from_fn(|c| {
+        if sum[c] > 0.0 { ((f64::from(total[c]) / sum[c]) as f32).min(f32::MAX) } else { 1.0 }
+    });
     for light in lights {
         for (v, f) in light.irradiance.iter_mut().zip(factor) {
             *v *= f;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_channel_of_almost_nothing_keeps_finite_lights() {
+        let light = |irradiance| Light { irradiance, ..Light::default() };
+        let mut lights = [light([1e-38, 0.5, 0.0]), light([0.0, 0.5, 1e-45])];
+        keep_energy(&mut lights, [1e20, 2.0, 1e29]);
+        for light in &lights {
+            assert!(light.irradiance.iter().all(|v| v.is_finite() && *v >= 0.0), "{light:?}");
+            assert_eq!(light.irradiance[1], 1.0, "the channel with light has its total");
         }
     }
 }

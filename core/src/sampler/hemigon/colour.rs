@@ -24,7 +24,8 @@ pub(super) fn share(lights: &mut [Light], total: [f64; 3]) {
     let each = y / lights.len() as f32;
     for _ in 0..ROUNDS {
         for light in lights.iter_mut() {
-            let factor = each / luminance(light.irradiance);
+            // Irradiances of the smallest totals round to 0: an infinite factor would make them NaN.
+            let factor = (each / luminance(light.irradiance).max(f32::MIN_POSITIVE)).min(f32::MAX);
             light.irradiance = light.irradiance.map(|v| v * factor);
         }
         fit_channels(lights, total);
@@ -43,6 +44,27 @@ fn fit_channels(lights: &mut [Light], total: [f64; 3]) {
     for light in lights {
         for (v, f) in light.irradiance.iter_mut().zip(factor) {
             *v = (f64::from(*v) * f) as f32;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    #[test]
+    fn totals_near_the_smallest_number_give_finite_irradiances() {
+        for total in [1e-45, 3e-44, 1e-40, 1e-37, 1e30] {
+            let direction = Vec3::Z;
+            let light =
+                |irradiance| Light { id: 1, direction, irradiance, radius_deg: 0.0, age: 0, parent: None };
+            let mut lights =
+                [light([1.0; 3]), light([0.0; 3]), light([1e-3, 0.0, 2.0]), light([0.0, 5.0, 0.0])];
+            share(&mut lights, [total, 0.0, total / 2.0]);
+            for light in &lights {
+                assert!(light.irradiance.iter().all(|v| v.is_finite() && *v >= 0.0), "{total:e}: {light:?}");
+            }
         }
     }
 }
