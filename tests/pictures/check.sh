@@ -15,7 +15,7 @@ trap 'rm -rf "$work"' EXIT
 mkdir "$work/out"
 
 # The README's commands, with this program and this folder in place of `cargo run` and `out`.
-grep -E '^cargo run --release -p hemilux-sim -- (decompose|render|chart|stress) ' README.md | grep -F 'out/' >"$work/commands"
+grep -E '^cargo run --release -p hemilux-sim -- (decompose|render|chart|stress|slowdown) ' README.md | grep -F 'out/' >"$work/commands"
 while read -r command; do
     command=${command/#cargo run --release -p hemilux-sim --/"$sim"}
     echo "${command#"$sim"}"
@@ -24,7 +24,7 @@ done <"$work/commands"
 
 words() { grep -oE '[A-Za-z][A-Za-z+%() ,-]+' "$1" | sort -u; }
 failed=0
-for picture in room.png render.png stress/stress.svg charts/chart-lights.svg charts/chart-time.svg; do
+for picture in room.png render.png slowdown.svg stress/stress.svg charts/chart-lights.svg charts/chart-time.svg; do
     made=$work/out/$picture committed=fixtures/$(basename "$picture")
     if [ "${2:-}" = --write ]; then
         cp "$made" "$committed"

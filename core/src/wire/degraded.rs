@@ -16,7 +16,7 @@ pub enum Step {
 }
 
 impl Step {
-    /// All kinds of reductions, in the order in which they are applied.
+    /// All kinds of reductions, in the order of their first step.
     pub const ALL: [Self; 4] = [Self::Exposures, Self::Order, Self::Lights, Self::Rate];
 
     /// Returns the name of the kind in light sets and counters.

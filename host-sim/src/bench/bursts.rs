@@ -64,7 +64,8 @@ pub fn timed(bursts: &mut [Burst], frame: usize) -> &Burst {
     burst
 }
 
-/// Returns `count` bursts of `scene` at intervals of a tenth of a second; the bytes are the same in every run.
+/// Returns `count` bursts of `scene`, which moves by a tenth of a second from burst to burst; capture times follow at the interval of three exposures
+/// at 28 frames per second. The bytes are the same in every run.
 #[must_use]
 pub fn make_of(case: &Case, scene: Scene, count: usize) -> Vec<Burst> {
     let c = calibration(case);
@@ -87,7 +88,8 @@ pub fn make_of(case: &Case, scene: Scene, count: usize) -> Vec<Burst> {
             let pixels = Pixels::U8(pack(case.format, c.layout.width() as usize, &codes));
             Frame { exposure: Exposure { seconds, gain: 1.0 }, pixels }
         };
-        Burst { frames: SECONDS.into_iter().enumerate().map(frame).collect(), ..Burst::default() }
+        let frames = SECONDS.into_iter().enumerate().map(frame).collect();
+        Burst { frames, phase_ns: (n as u64 + 1) * INTERVAL_NS, ..Burst::default() }
     };
     (0..count).map(burst).collect()
 }

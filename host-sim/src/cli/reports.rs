@@ -97,6 +97,9 @@ pub(super) struct SlowdownArgs {
     /// Simulated time with each factor, minutes, 1 to 1440.
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=1440))]
     minutes: u32,
+    /// Writes a chart of the errors against slowdowns from 1 to 16 to this SVG file.
+    #[arg(long, value_name = "FILE")]
+    chart: Option<PathBuf>,
 }
 
 pub(super) fn soak(args: &SoakArgs) -> Result<(), SimError> {
@@ -130,7 +133,11 @@ pub(super) fn slowdown(args: &SlowdownArgs) -> Result<(), SimError> {
     }
     let (factors, budget_ms, frame_ms) = (args.factors.clone(), args.budget, args.frame);
     let job = slowdown::SlowdownJob { factors, budget_ms, frame_ms, minutes: args.minutes };
-    output::say(slowdown::table(&job)?.as_bytes())
+    output::say(slowdown::table(&job)?.as_bytes())?;
+    match &args.chart {
+        Some(file) => output::save(file, slowdown::chart(&job)?.as_bytes()),
+        None => Ok(()),
+    }
 }
 
 /// Returns the folder that the option `--backgrounds` or else the environment variable `HEMILUX_HDRI` contains.

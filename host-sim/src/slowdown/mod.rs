@@ -2,6 +2,10 @@
 //!
 //! Time is simulated. A frame takes the instructions of its quality, divided by the speed of the board. The instructions at full quality are
 //! those that `tests/instructions` counts on ARMv7; at a lower quality, each stage has the share that its work is of that at full quality.
+//!
+//! The error is that of the newest set at the time of each burst: at a lower rate the set is older than the light.
+
+mod figure;
 
 use crate::bench::bursts::{calibration, make_of};
 use crate::bench::case::Case;
@@ -31,14 +35,18 @@ const SAMPLE: [f64; 2] = [600_000.0, 1_834_346.0];
 /// Instructions of all other stages for a frame, at any quality.
 const OTHER: f64 = 1_060_820.0;
 
+/// Slowdowns of the chart: four for each doubling, 1 to 16.
+const CHARTED: i32 = 16;
+
 /// Number of first processed frames that the figures leave out; during them the probe adapts the quality to the budget.
 const SETTLING: usize = 10;
 
 /// Number of lights of the reference set, which replaces the map in the errors.
 const REFERENCE_LIGHTS: usize = 2048;
 
-/// Number of bursts that are processed at each quality; the figures are those of the last.
-const BURSTS: usize = 4;
+/// Number of bursts at each quality, and the number of last ones over which the errors are averaged: at the lowest rate, one of the last is
+/// processed.
+const BURSTS: [usize; 2] = [32, 8];
 
 /// Time from one burst to the next.
 const PERIOD: Duration = Duration::from_millis(100);
@@ -85,6 +93,22 @@ struct FactorRow {
     last_ms: f64,
     /// Quality at which the last frame was processed.
     quality: Quality,
+}
+
+/// Returns the SVG text of a chart of the errors against the slowdown from 1 to 16.
+///
+/// # Errors
+/// [`SimError`] if a burst cannot be processed.
+pub fn chart(job: &SlowdownJob) -> Result<String, SimError> {
+    let mut room = Room::try_new()?;
+    let mut points = vec![];
+    for k in 0..=CHARTED {
+        let factor = (k as f32 / 4.0).exp2();
+        let quality = row(&mut room, job, factor)?.quality;
+        let QualityFigures { lights, open, shadowed, .. } = *room.figures(&quality)?;
+        points.push(figure::ChartPoint { factor, lights, every: quality.every, errors: [open, shadowed] });
+    }
+    Ok(figure::draw(&points))
 }
 
 /// Returns a table with one row for each factor: the share of frames within the budget, steps a minute, the quality at the end, and its error.
@@ -166,73 +190,92 @@ struct Room {
     calibration: Calibration,
     bursts: Vec<Burst>,
     exposures: Vec<Exposure>,
-    reference: Vec<Light>,
+    /// Irradiances of the receivers under the reference set of each of the last bursts.
+    references: Vec<Irradiances>,
     full_read: f64,
     known: Vec<QualityFigures>,
 }
+
+/// Irradiances of the open and of the shadowed receivers.
+type Irradiances = [Vec<f64>; 2];
 
 impl Room {
     fn try_new() -> Result<Self, SimError> {
         let failed = |e: String| SimError::Failed(format!("slowdown: {e}"));
         let case: Case = CASE.parse().map_err(failed)?;
         let scene = scene::by_name("room").ok_or_else(|| failed("found no scene 'room'".into()))?;
-        let (calibration, bursts) = (calibration(&case), make_of(&case, scene, BURSTS));
+        let (calibration, bursts) = (calibration(&case), make_of(&case, scene, BURSTS[0]));
         let exposures = bursts.iter().take(1).flat_map(|b| b.frames.iter().map(|f| f.exposure)).collect();
         let mut room =
-            Self { calibration, bursts, exposures, reference: vec![], full_read: 0.0, known: vec![] };
+            Self { calibration, bursts, exposures, references: vec![], full_read: 0.0, known: vec![] };
         let settings = Settings { lights: REFERENCE_LIGHTS, ..Settings::default() };
-        (room.reference, room.full_read) = room.lights(settings, usize::MAX)?;
+        (room.references, _, room.full_read) = room.irradiances(settings, usize::MAX, 1)?;
         Ok(room)
     }
 
-    /// Returns the lights of the last burst, and the mean number of exposures that were read of a pixel.
-    fn lights(&self, settings: Settings, exposures: usize) -> Result<(Vec<Light>, f64), SimError> {
+    /// Returns the irradiances under the newest set at each of the last bursts, where one of `every` bursts is processed, the number of lights of
+    /// the last set, and the mean number of exposures that were read of a pixel.
+    fn irradiances(
+        &self,
+        settings: Settings,
+        exposures: usize,
+        every: usize,
+    ) -> Result<(Vec<Irradiances>, usize, f64), SimError> {
         let mut pipeline = Pipeline::try_new(self.calibration, &self.exposures, settings)?;
         pipeline.limit_exposures(exposures);
-        let mut found = (vec![], 0.0);
-        for burst in &self.bursts {
-            let processed = pipeline.process(burst)?;
-            found = (processed.decomposition.lights.to_vec(), processed.seen.exposures_read);
+        let (mut found, mut lights, mut read) = (vec![], vec![], 0.0);
+        for (k, burst) in self.bursts.iter().enumerate() {
+            if k.is_multiple_of(every) {
+                let processed = pipeline.process(burst)?;
+                lights = processed.decomposition.lights.to_vec();
+                read = processed.seen.exposures_read;
+            }
+            if k + BURSTS[1] >= BURSTS[0] {
+                found.push([
+                    received(&lights, (0..OPEN).map(open)),
+                    received(&lights, (0..SHADOWED).map(shadowed)),
+                ]);
+            }
         }
-        Ok(found)
+        Ok((found, lights.len(), read))
     }
 
     fn figures(&mut self, quality: &Quality) -> Result<&QualityFigures, SimError> {
-        let same = |known: &QualityFigures| {
-            Quality { every: 1, ..known.quality } == Quality { every: 1, ..*quality }
-        };
-        if let Some(index) = self.known.iter().position(same) {
+        if let Some(index) = self.known.iter().position(|known| known.quality == *quality) {
             return Ok(&self.known[index]);
         }
-        let (lights, read) = self.lights(quality.settings(&Settings::default()), quality.exposures)?;
+        let settings = quality.settings(&Settings::default());
+        let (sets, lights, read) = self.irradiances(settings, quality.exposures, quality.every as usize)?;
+        let mean = |of: usize| {
+            let errors =
+                sets.iter().zip(&self.references).map(|(set, reference)| error(&set[of], &reference[of]));
+            errors.sum::<f64>() / self.references.len() as f64
+        };
+        let [open, shadowed] = [0, 1].map(mean);
         self.known.push(QualityFigures {
             quality: *quality,
             instructions: instructions(quality, read, self.full_read),
-            lights: lights.len(),
-            open: error(&lights, &self.reference, (0..OPEN).map(open)),
-            shadowed: error(&lights, &self.reference, (0..SHADOWED).map(shadowed)),
+            lights,
+            open,
+            shadowed,
         });
         Ok(&self.known[self.known.len() - 1])
     }
 }
 
-/// Returns the RMS difference between the irradiances of `receivers` under `lights` and under `reference`, divided by the mean irradiance
-/// under `reference` (METRICS.md).
-fn error(lights: &[Light], reference: &[Light], receivers: impl Iterator<Item = Receiver>) -> f64 {
-    let receive = |receiver: &Receiver, lights: &[Light]| -> f64 {
-        let part = |light: &Light| {
-            let direction = light.direction.to_array().map(f64::from);
-            f64::from(luminance(light.irradiance)) * receiver.weight(direction)
-        };
-        lights.iter().map(part).sum()
-    };
-    let (mut square, mut mean, mut count) = (0.0, 0.0, 0.0);
-    for receiver in receivers {
-        let expected = receive(&receiver, reference);
-        square += (receive(&receiver, lights) - expected).powi(2);
-        mean += expected;
-        count += 1.0;
-    }
+/// Returns the irradiances of `receivers` under `lights`.
+fn received(lights: &[Light], receivers: impl Iterator<Item = Receiver>) -> Vec<f64> {
+    let lights: Vec<_> = lights
+        .iter()
+        .map(|light| (light.direction.to_array().map(f64::from), f64::from(luminance(light.irradiance))))
+        .collect();
+    receivers.map(|r| lights.iter().map(|(direction, light)| light * r.weight(*direction)).sum()).collect()
+}
+
+/// Returns the RMS difference between irradiances and those under the reference, divided by the mean of the latter (METRICS.md).
+fn error(found: &[f64], reference: &[f64]) -> f64 {
+    let square: f64 = found.iter().zip(reference).map(|(found, expected)| (found - expected).powi(2)).sum();
+    let (mean, count) = (reference.iter().sum::<f64>(), reference.len() as f64);
     f64::sqrt(square / count) / (mean / count)
 }
 
@@ -241,17 +284,36 @@ mod tests {
     use super::*;
 
     #[test]
-    fn fewer_lights_have_a_larger_error_and_the_reference_has_none() {
-        let reference = Room::try_new().expect("bursts").reference;
-        let shadowed_error = |lights: &[Light]| error(lights, &reference, (0..SHADOWED).map(shadowed));
-        assert!(shadowed_error(&reference) < 1e-12, "the reference against itself");
-        let half: Vec<_> = reference.iter().step_by(2).copied().collect();
-        assert!(shadowed_error(&half) > 0.3, "half of the energy is missing");
+    fn half_of_the_irradiance_has_an_error_of_a_half_and_the_reference_has_none() {
+        let room = Room::try_new().expect("bursts");
+        let [open, _] = &room.references[0];
+        assert_eq!(error(open, open), 0.0, "the reference against itself");
+        let half: Vec<_> = open.iter().map(|irradiance| irradiance / 2.0).collect();
+        let (count, mean) = (open.len() as f64, open.iter().sum::<f64>() / open.len() as f64);
+        let variance = open.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count;
+        let expected = 0.5 * (1.0 + variance / mean.powi(2)).sqrt();
+        assert!((error(&half, open) / expected - 1.0).abs() < 1e-9, "{} of {expected}", error(&half, open));
+    }
+
+    #[test]
+    fn a_lower_rate_and_fewer_lights_have_larger_errors() {
+        let mut room = Room::try_new().expect("bursts");
+        let full = *Ladder::new(&Settings::default(), 3).quality();
+        let mut of = |every, lights| {
+            let mut quality = Quality { every, lights, ..full };
+            quality.steps.add(hemilux_core::wire::Step::Lights);
+            let QualityFigures { open, shadowed, .. } = *room.figures(&quality).expect("figures");
+            [open, shadowed]
+        };
+        let (best, late, few) = (of(1, 64), of(8, 64), of(1, 8));
+        for k in 0..2 {
+            assert!(late[k] > 1.5 * best[k] && few[k] > 1.5 * best[k], "{best:?}, {late:?}, {few:?}");
+        }
     }
 
     #[test]
     fn the_instructions_of_the_full_quality_are_those_that_were_counted_on_armv7() {
-        let counts = include_str!("../../tests/instructions/baseline.txt");
+        let counts = include_str!("../../../tests/instructions/baseline.txt");
         let of = |case: &str| -> Vec<f64> {
             let line = counts.lines().find(|line| line.split(' ').next() == Some(case)).expect("a case");
             line.split_whitespace().skip(1).map(|count| count.parse().expect("a count")).collect()
@@ -267,7 +329,7 @@ mod tests {
     #[test]
     fn the_table_of_the_readme_is_what_the_command_prints() {
         let printed = table(&SlowdownJob::default()).expect("a table");
-        let readme = include_str!("../../README.md");
+        let readme = include_str!("../../../README.md");
         let head = printed.lines().next().expect("a line");
         let shown: Vec<_> =
             readme.lines().skip_while(|line| *line != head).take_while(|l| *l != "```").collect();

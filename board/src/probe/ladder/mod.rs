@@ -1,10 +1,11 @@
 //! Degradation: where frames take longer than the budget of `total`, the quality is lowered step by step; it is raised again where the predicted
 //! cost of the richer level fits the budget.
 //!
-//! The order of the steps is that of [`Step::ALL`](hemilux_core::wire::Step). The first step down follows [`PATIENCE`] consecutive frames over
+//! The order of the steps is that of [`plan`]. The first step down follows [`PATIENCE`] consecutive frames over
 //! the budget, a further one each frame over the budget. When a level is left for a poorer one, the ratio of their costs is stored; the richer
 //! level is tried again if this ratio times the present cost is within [`ROOM`] of the budget and the hold time since the last step has passed.
-//! The hold time doubles with each failed trial. The budget of a frame is that of all bursts since the frame before: where every second burst is
+//! After [`TRIAL_FRAMES`] frames, the richer level stays if its mean cost is within [`PASSED`] of the budget. The hold time doubles with each
+//! failed trial. The budget of a frame is that of all bursts since the frame before: where every second burst is
 //! processed, twice that of one burst.
 
 mod plan;
@@ -22,6 +23,13 @@ const PATIENCE: u32 = 3;
 /// Share of the budget, 0 to 1, that the predicted cost of a better level may reach for a step up.
 const ROOM: f32 = 0.8;
 
+/// Number of frames after which a step up is judged by the mean cost.
+const TRIAL_FRAMES: u32 = 10;
+
+/// Share of the budget that the mean cost of a richer level may have after [`TRIAL_FRAMES`]: above [`ROOM`], since the cost is measured, and
+/// below 1, so that the level is not left again by the noise of a steady load.
+const PASSED: f32 = 0.9;
+
 /// Least time from a step to the next one up.
 const HOLD: Duration = Duration::from_secs(10);
 
@@ -31,7 +39,7 @@ const HOLD_AFTER_FAILURE: Duration = Duration::from_secs(150);
 /// Longest hold time from a step of the quality to the next step up.
 const LONGEST_HOLD: Duration = Duration::from_secs(3600);
 
-/// Duration of a trial: a step up has failed if a step down follows within this time.
+/// Time within which a step down after a step up counts as a failed trial.
 const TRIAL: Duration = Duration::from_secs(60);
 
 /// Interval at which a stored cost ratio moves towards 1, and the factor by which its distance from 1 shrinks: a ratio that was measured
@@ -132,7 +140,7 @@ impl Ladder {
         let is_over = frame.us > self.quality().budget_us(frame.budget_us);
         self.misses = if is_over { self.misses + 1 } else { 0 };
         let patience = if self.is_descending() { 1 } else { PATIENCE };
-        if self.misses >= patience {
+        if self.misses >= patience || self.has_failed(&frame) {
             return self.step_down(frame.now);
         }
         self.forget(frame.now);
@@ -167,6 +175,12 @@ impl Ladder {
         let since = frame.now.saturating_sub(self.stepped_at);
         let budget_us = self.levels[richer].budget_us(frame.budget_us);
         self.frames > DESCENT && since >= self.hold() && predicted <= ROOM * budget_us as f32
+    }
+
+    /// Returns true if `frame` is the last of a trial whose mean cost is too high.
+    fn has_failed(&self, frame: &FrameTime) -> bool {
+        let most_us = PASSED * self.quality().budget_us(frame.budget_us) as f32;
+        self.went_up && self.frames == TRIAL_FRAMES && self.cost_us > most_us
     }
 
     fn hold(&self) -> Duration {
