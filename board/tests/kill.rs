@@ -1,4 +1,4 @@
-//! A probe that is killed while it saves its settings or creates a token, and one whose disk is full.
+//! A probe that is killed while it saves its settings, makes screenshots or creates a token, and one whose disk is full or read-only.
 //!
 //! The environment variable `HEMILUX_KILLS` is the number of kills; the whole run has 1000.
 
@@ -33,10 +33,15 @@ impl Drop for Running {
 }
 
 fn probe(folder: &Path) -> Command {
-    let mut command = Command::new("sh");
+    probe_after(folder, &["sh"], "true")
+}
+
+/// Returns the command of a probe in `folder`, which the program `shell` starts after the shell command `before`.
+fn probe_after(folder: &Path, shell: &[&str], before: &str) -> Command {
+    let mut command = Command::new(shell[0]);
     let program = env!("CARGO_BIN_EXE_hemilux");
     let arguments = "--listen 127.0.0.1:0 --source scene:overcast --config hemilux.toml \"$@\"";
-    command.args(["-c", &format!("trap '' XFSZ; ${{LIMIT:-true}}; exec {program} {arguments}"), "sh"]);
+    command.args(&shell[1..]).args(["-c", &format!("{before} && exec {program} {arguments}"), "sh"]);
     command.current_dir(folder).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null());
     command
 }
@@ -52,17 +57,21 @@ fn start(command: &mut Command) -> Running {
     running
 }
 
-/// Changes the setting `lights` and saves it; returns the answer, if there is one.
-fn save(address: &str, lights: u64) -> Option<String> {
+/// Sends a request; returns the answer, if there is one.
+fn ask(address: &str, request: &str, body: &str) -> Option<String> {
     let mut stream = TcpStream::connect(address).ok()?;
     stream.set_read_timeout(Some(Duration::from_secs(10))).ok()?;
-    let body = format!("{{\"lights\": {lights}}}");
-    let head = "PATCH /v1/config?save=1 HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n";
+    let head = format!("{request} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n");
     write!(stream, "{head}Content-Type: application/json\r\nContent-Length: {}\r\n\r\n{body}", body.len())
         .ok()?;
     let mut reply = String::new();
     stream.read_to_string(&mut reply).ok()?;
     Some(reply)
+}
+
+/// Changes the setting `lights` and saves it; returns the answer, if there is one.
+fn save(address: &str, lights: u64) -> Option<String> {
+    ask(address, "PATCH /v1/config?save=1", &format!("{{\"lights\": {lights}}}"))
 }
 
 /// Returns the setting `lights` in the configuration file; asserts that the file is whole.
@@ -75,15 +84,15 @@ fn saved(folder: &Path) -> i64 {
 
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a folder");
-    let text = format!("{COMMENT}\nlights = 20 # in lumen\ntolerance = 0.1\n");
+    let text = format!("{COMMENT}\nlights = 20 # in lumen\ntolerance = 0.1\ngui = true\n");
     std::fs::write(folder.path().join("hemilux.toml"), text).expect("a file");
     folder
 }
 
 #[test]
-fn a_probe_that_is_killed_while_it_saves_leaves_the_old_or_the_new_file() {
+fn a_probe_that_is_killed_while_it_saves_and_makes_screenshots_leaves_the_old_or_the_new_file() {
     let folder = folder();
-    let (mut replies, asked) = (0, AtomicU64::new(20));
+    let (mut replies, mut pictures, asked) = (0, 0, AtomicU64::new(20));
     for kill in 0..kills() {
         let mut running = start(&mut probe(folder.path()));
         let (address, over) = (running.address.clone(), AtomicBool::new(false));
@@ -96,18 +105,31 @@ fn a_probe_that_is_killed_while_it_saves_leaves_the_old_or_the_new_file() {
                 }
                 replies
             });
-            sleep(Duration::from_micros(20_000 + kill * 7_919 % 130_000));
+            let looking = scope.spawn(|| {
+                let mut pictures = 0;
+                while !over.load(Ordering::Relaxed) {
+                    let page = ask(&address, "GET /screenshot", "");
+                    pictures += u64::from(page.is_some_and(|page| page.contains(" 200 ")));
+                }
+                pictures
+            });
+            sleep(Duration::from_micros(20_000 + kill * 7_919 % 230_000));
             running.child.kill().expect("SIGKILL");
             running.child.wait().expect("its end");
             over.store(true, Ordering::Relaxed);
             replies += saving.join().expect("no panic");
+            pictures += looking.join().expect("no panic");
         });
         let lights = saved(folder.path());
         assert!((20..=61).contains(&lights), "kill {kill}: {lights} lights");
     }
-    let stray = std::fs::read_dir(folder.path()).expect("a folder").count() - 1;
-    println!("{} kills, {replies} replies to saves, {stray} files of interrupted saves", kills());
-    assert!(replies > kills() / 4, "it was killed while it saved: {replies} replies");
+    let names = std::fs::read_dir(folder.path()).expect("a folder").map(|e| e.expect("an entry").file_name());
+    let stray: Vec<_> = names.filter(|name| name != "hemilux.toml").collect();
+    let (kills, count) = (kills(), stray.len());
+    println!("{kills} kills, {replies} saves, {pictures} screenshots, {count} files of interrupted saves");
+    assert!(stray.iter().all(|name| name.to_string_lossy().starts_with(".hemilux-unfinished-")), "{stray:?}");
+    assert!(replies > kills / 4, "it was killed while it saved: {replies} replies");
+    assert!(pictures > 0, "it made screenshots");
     drop(start(&mut probe(folder.path())));
 }
 
@@ -134,17 +156,38 @@ fn a_probe_that_is_killed_while_it_creates_a_token_creates_one_at_the_next_start
     assert_eq!(whole, kills() / 5);
 }
 
+/// Asserts that saving fails with one line, and that the probe continues with the unsaved setting.
+fn assert_that_saving_fails(folder: &Path, command: &mut Command) {
+    let running = start(command);
+    let reply = save(&running.address, 33).expect("a reply");
+    assert!(reply.contains(" 500 ") && reply.contains("could not be written"), "{reply}");
+    assert_eq!(saved(folder), 20, "the file of before");
+    let reply = ask(&running.address, "GET /v1/config", "").expect("a reply");
+    assert!(reply.contains(" 200 ") && reply.contains("\"lights\":33"), "in effect: {reply}");
+    let reply = ask(&running.address, "GET /v1/lights?after=0", "").expect("a reply");
+    assert!(reply.contains(" 200 "), "lights: {reply}");
+}
+
 #[test]
 fn on_a_full_disk_saving_fails_and_the_probe_continues() {
     let folder = folder();
-    let running = start(probe(folder.path()).env("LIMIT", "ulimit -f 0"));
-    let reply = save(&running.address, 33).expect("a reply");
-    assert!(reply.contains(" 500 ") && reply.contains("could not be written"), "{reply}");
-    assert_eq!(saved(folder.path()), 20, "the file of before");
-    let mut stream = TcpStream::connect(&running.address).expect("a connection");
-    write!(stream, "GET /v1/config HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")
-        .expect("a request");
-    let mut reply = String::new();
-    stream.read_to_string(&mut reply).expect("a reply");
-    assert!(reply.contains(" 200 ") && reply.contains("\"lights\":33"), "in effect: {reply}");
+    let mut command = probe_after(folder.path(), &["sh"], "trap '' XFSZ; ulimit -f 0");
+    assert_that_saving_fails(folder.path(), &mut command);
+}
+
+/// Mounts the folder read-only for the probe alone: permissions do not bind the root user.
+#[test]
+fn on_a_read_only_disk_saving_fails_and_the_probe_continues() {
+    let shell = ["unshare", "-rm", "sh"];
+    if !Command::new(shell[0]).args(["-rm", "true"]).status().is_ok_and(|status| status.success()) {
+        assert!(
+            std::env::var_os("HEMILUX_RIG").is_none(),
+            "found no right to mount, expected it in the gate"
+        );
+        eprintln!("skipped: a read-only disk needs unshare(1) and the right to mount in a user namespace");
+        return;
+    }
+    let folder = folder();
+    let mount = "mount --bind . \"$PWD\" && mount -o remount,bind,ro \"$PWD\" && cd \"$PWD\" && ! touch new";
+    assert_that_saving_fails(folder.path(), &mut probe_after(folder.path(), &shell, mount));
 }

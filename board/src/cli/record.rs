@@ -174,9 +174,12 @@ fn write_list(out: &Path, list: &[(u64, String)]) -> Result<(), Failure> {
     write_toml(&out.join("sequence.toml"), &all)
 }
 
+/// Writes a file and renames it, so that a recording that is killed has whole files with these names alone. A burst whose `burst.toml` is written
+/// last is read if it is whole.
 fn write_toml(path: &Path, table: &Table) -> Result<(), Failure> {
     let text = toml::to_string(table).map_err(|e| unwritable(path, &e))?;
-    fs::write(path, text).map_err(|e| unwritable(path, &e))
+    let part = path.with_extension("part");
+    fs::write(&part, text).and_then(|()| fs::rename(&part, path)).map_err(|e| unwritable(path, &e))
 }
 
 #[cfg(test)]
@@ -281,6 +284,55 @@ mod tests {
                 "{name}"
             );
         }
+    }
+
+    /// Records until the process is killed, where the environment variable names a folder.
+    #[test]
+    #[ignore = "run in a process of its own by a_killed_recording_is_read_up_to_its_last_whole_burst"]
+    fn record_until_killed() {
+        let Some(out) = std::env::var_os("HEMILUX_RECORD_TO") else { return };
+        let _ = record(source(&Script::default()), 100_000, Path::new(&out));
+    }
+
+    #[test]
+    fn a_killed_recording_is_read_up_to_its_last_whole_burst() {
+        let kills = std::env::var("HEMILUX_KILLS").ok().and_then(|n| n.parse().ok()).unwrap_or(20u64);
+        let (mut read, mut refused) = (0, 0);
+        for kill in 0..kills {
+            let folder = tempfile::tempdir().expect("a folder");
+            let mut child = std::process::Command::new(std::env::current_exe().expect("this program"))
+                .args(["--exact", "--ignored", "cli::record::tests::record_until_killed"])
+                .env("HEMILUX_RECORD_TO", folder.path())
+                .stdout(std::process::Stdio::null())
+                .spawn()
+                .expect("it runs");
+            while fs::read_dir(folder.path()).expect("a folder").next().is_none() {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            std::thread::sleep(Duration::from_micros(kill * 7_919 % 60_000));
+            child.kill().expect("SIGKILL");
+            child.wait().expect("its end");
+            let begun = fs::read_dir(folder.path()).expect("a folder").count();
+            match ReplaySource::open(folder.path(), Pace::Free) {
+                Ok(mut replay) => {
+                    let whole = replay.len();
+                    assert!(whole == begun || whole + 1 == begun, "kill {kill}: {whole} of {begun} bursts");
+                    let mut burst = Burst::default();
+                    for _ in 0..whole {
+                        replay.next(&mut burst).unwrap_or_else(|e| panic!("kill {kill}: {e}"));
+                        assert_eq!(burst.frames.len(), 3, "kill {kill}");
+                    }
+                    read += whole;
+                }
+                Err(error) => {
+                    let line = error.to_string();
+                    assert!(begun == 1 && !line.contains('\n'), "kill {kill}: {begun} bursts, {line}");
+                    refused += 1;
+                }
+            }
+        }
+        println!("{kills} kills: {read} whole bursts read, {refused} recordings without one refused");
+        assert!(read > 0, "no kill came after the first burst");
     }
 
     #[test]
