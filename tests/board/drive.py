@@ -68,8 +68,14 @@ class Guest:
         self.process.stdin.write((line + "\n").encode())
         self.process.stdin.flush()
 
+    def next(self, mark):
+        """Returns the rest of the next line that begins with `mark`, without those that were waited for before."""
+        told = self.wait(mark)
+        self.lines.remove(f"RIG {mark} {told}".strip())
+        return told
+
     def wait(self, mark):
-        """Returns the rest of the guest's next line that begins with `mark`."""
+        """Returns the rest of the guest's first line that begins with `mark`."""
         end = time.time() + PATIENCE
         while time.time() < end:
             for line in self.lines:
@@ -164,6 +170,26 @@ def judge_recording(archive):
         check(max(numbers) - min(numbers) < 6, f"record: frames {numbers} in one burst")
 
 
+def judge_upgrade():
+    """Saves a setting; checks that the probe serves with it while dpkg replaces the package by a later and by the former version, and after each
+    restart."""
+    body = json.dumps({"lights": 20}).encode()
+    change = urllib.request.Request(f"{guest.probe}/v1/config?save=1", body, {"Content-Type": "application/json"}, method="PATCH")
+    # Status 202, without saving, if no frame has applied the change in time.
+    guest.until(lambda: urllib.request.urlopen(change, timeout=PATIENCE).status == 200, "the setting was not saved")
+    versions = []
+    for _ in range(2):
+        for mark in ("replaced", "restarted"):
+            guest.tell("go")
+            told = guest.next(mark)
+            versions += [told] if mark == "replaced" else []
+            found = json.loads(urllib.request.urlopen(f"{guest.probe}/v1/config", timeout=PATIENCE).read())["values"]["lights"]
+            check(found == 20, f"{mark} {told}: {found} lights, expected the saved 20")
+            last = guest.lights()["frame"]
+            guest.until(lambda: guest.lights()["frame"] != last, f"{mark}: no new frame")
+    check(versions[0] == versions[1] + "+later", f"versions {versions}, expected a later one and the former one")
+
+
 def held(line):
     words = line.split()
     value = lambda name: int(words[words.index(name) + 1])
@@ -188,9 +214,10 @@ try:
     guest.wait("record")
     judge_recording(guest.file("rec.tar"))
     guest.wait("serving")
-    first, then = guest.lights(), guest.lights()
+    first = guest.lights()
+    newer = lambda light_set: light_set if light_set["frame"] > first["frame"] else None
+    then = guest.until(lambda: newer(guest.lights()), f"no frame after {first['frame']}")
     check(first["valid"] and first["stale"] is None and first["lights"] and sum(first["scalar_flux"]) > 0, f"lights: {first}")
-    check(then["frame"] > first["frame"], f"frame {then['frame']} after {first['frame']}")
     print(f"           {len(first['lights'])} lights, frames {first['frame']} and {then['frame']}, latency {then['latency_us']}")
     guest.tell("go")
     for n in range(options.disconnects):
@@ -220,6 +247,8 @@ try:
     check(len(warnings) == options.disconnects, f"{len(warnings)} warnings for {options.disconnects} disconnects: {warnings[:5]}")
     fresh = guest.lights()
     check(fresh["stale"] is None and fresh["run"] == first["run"], "not the same probe, or not fresh")
+    if options.deb:
+        judge_upgrade()
     guest.tell("go")
     check(guest.wait("stopped") == "0", "the probe did not end well")
     guest.tell("go")

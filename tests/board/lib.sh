@@ -7,6 +7,18 @@ APT=(apt-get -q -y -o DPkg::Lock::Timeout=300 -o APT::Sandbox::User=root)
 
 die() { echo "rig: $*" >&2; exit 1; }
 
+# later_package DEB OUT: writes a later version of the package, whose configuration file differs
+later_package() {
+    local unpacked
+    unpacked=$(mktemp -d "${TMPDIR:-/tmp}/hemilux-later.XXXXXX")
+    dpkg-deb -R "$1" "$unpacked"
+    sed -i 's/^Version: .*/&+later/' "$unpacked/DEBIAN/control"
+    echo '# A line of the later version.' >>"$unpacked/etc/hemilux/hemilux.conf"
+    dpkg-deb -Zgzip -z1 --root-owner-group -b "$unpacked" "$2" >/dev/null
+    rm -r "$unpacked"
+    [ "$(dpkg-deb -f "$2" Version)" != "$(dpkg-deb -f "$1" Version)" ] || die "$2: found the version of $1, expected a later one"
+}
+
 # Packages that are not available are no failure of the tested program: status 77, the status of skipped tests in test harnesses.
 absent() { echo "rig: $*" >&2; exit 77; }
 command -v apt-get >/dev/null && command -v dpkg >/dev/null || absent "found no apt-get and dpkg, expected a Debian or one of its kin"

@@ -38,12 +38,19 @@ rm -rf /tmp/rec
 say record
 
 v4l2-ctl -d /dev/video0 --set-ctrl test_pattern=0,brightness=128
-RUST_LOG=info hemilux serve --source "$camera" --listen 0.0.0.0:8080 --open --lights 32 2> /tmp/www/serve.log > /tmp/serve.out &
-probe=$!
-until grep -q serving /tmp/serve.out; do
-    kill -0 $probe || { cat /tmp/www/serve.log; exit 1; }
-    sleep 0.2
-done
+settings=/var/lib/hemilux/hemilux.toml
+mkdir -p /var/lib/hemilux
+printf '# By hand: the lamp in the hall.\nlights = 32 # few\n' > $settings
+serve() {
+    rm -f /tmp/serve.out
+    RUST_LOG=info hemilux serve --source "$camera" --listen 0.0.0.0:8080 --open --config $settings 2> /tmp/www/serve.log > /tmp/serve.out &
+    probe=$!
+    until grep -q serving /tmp/serve.out 2> /dev/null; do
+        kill -0 $probe || { cat /tmp/www/serve.log; exit 1; }
+        sleep 0.2
+    done
+}
+serve
 say serving "$(cat /tmp/serve.out)"
 read -r go < /dev/console
 
@@ -72,6 +79,23 @@ done
 say held-after "$(held)"
 say recovered $n
 read -r go < /dev/console
+
+# Upgrades the package beside the running probe, then downgrades it. The edited configuration file and the saved settings stay byte for byte.
+if [ -e /hemilux.deb ]; then
+    echo '# By hand.' >> /etc/hemilux/hemilux.conf
+    before=$(cat /etc/hemilux/hemilux.conf $settings | sha256sum)
+    for package in /later.deb /hemilux.deb; do
+        PATH=/usr/bin:/bin /usr/bin/dpkg -i --force-depends --force-bad-path --force-confold $package || exit 1
+        [ "$(cat /etc/hemilux/hemilux.conf $settings | sha256sum)" = "$before" ] || { say "changed configuration after $package"; exit 1; }
+        say replaced "$(/usr/bin/dpkg-query -W -f='${Version}' hemilux)"
+        read -r go < /dev/console
+        kill -TERM $probe
+        wait $probe || exit 1
+        serve
+        say restarted
+        read -r go < /dev/console
+    done
+fi
 kill -TERM $probe
 wait $probe
 say stopped $?
