@@ -139,8 +139,7 @@ struct Serve {
     /// Class of light source, such as daylight, whose factor is used, where the [photometric] table has several classes.
     #[arg(long, value_name = "NAME")]
     light_class: Option<String>,
-    /// A folder of HDR maps, folders of maps, and recordings. Clients with the token may switch the source to any of them; may be given more
-    /// than once.
+    /// Clients with the token may switch the source to any HDR map, folder of maps or recording in this folder; may be given more than once.
     #[arg(long = "library", value_name = "DIR")]
     library: Vec<PathBuf>,
     /// TOML file with these options and the settings; `PATCH /v1/config?save=1` writes the settings to it.

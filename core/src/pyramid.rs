@@ -142,7 +142,7 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
         }
     }
 
-    /// Computes the coarser orders from the texels.
+    /// Computes the quads of all orders below that of the map from the texels.
     ///
     /// Texels outside of the domain, and texels with negative or non-finite numbers, are set to 0 first: samplers rely on valid quads.
     pub fn build(&mut self) {

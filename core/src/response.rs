@@ -55,10 +55,10 @@ pub enum Response {
     Linear,
     /// The transfer function of IEC 61966-2-1.
     Srgb,
-    /// y = c4 x^4 + c3 x^3 + c2 x^2 + c1 x + c0 for red, green and blue, highest power first.
+    /// Relative exposure y = c4 x^4 + c3 x^3 + c2 x^2 + c1 x + c0 of red, green and blue at the relative code x, 0 to 1, highest power first.
     Polynomial([[f64; 5]; 3]),
-    /// y = sum of c_i B_i(x) for red, green and blue, with the Bernstein polynomials B_0..=B_8 of degree 8: monotone if the coefficients
-    /// ascend.
+    /// Relative exposure y = sum of c_i B_i(x) of red, green and blue at the relative code x, 0 to 1, with the Bernstein polynomials B_0..=B_8 of
+    /// degree 8: monotone if the coefficients ascend.
     Bernstein([[f64; 9]; 3]),
 }
 

@@ -93,8 +93,8 @@ impl Fit {
         self.views.iter().flat_map(|view| view.residuals(&self.model)).map(|r| r.norm()).fold(0.0, f64::max)
     }
 
-    /// Returns the standard deviation of one coordinate of a corner, pixels. It is computed from the median residual and does not depend on
-    /// outliers.
+    /// Returns the standard deviation of the error of a detected corner's column (or row), pixels. It is computed from the median residual, so
+    /// that outliers do not change it.
     pub fn sigma(&self) -> f64 {
         let mut lengths: Vec<f64> =
             self.views.iter().flat_map(|v| v.residuals(&self.model)).map(|r| r.norm()).collect();

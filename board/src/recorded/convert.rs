@@ -25,7 +25,7 @@ pub struct Converted {
     pub notes: Vec<String>,
 }
 
-/// Reads a lens file of any supported program and writes it for another program.
+/// Reads the lens file `path` of any supported program, and returns the text of the same lens in the format of `target`.
 ///
 /// # Errors
 /// [`RecordedError`] for a file that is not a lens file, or a lens for which the other program has no model.

@@ -70,7 +70,7 @@ impl Key {
     }
 }
 
-/// Reasons why a requested set is not encoded.
+/// Reasons why a requested light set is not encoded for the client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Missing {
     /// The probe has not published a light set yet.

@@ -27,7 +27,7 @@ pub struct Choice {
 }
 
 impl Library {
-    /// Creates the library of the source `own` at the start and of `folders`, which contain maps, folders of maps, and recordings.
+    /// Creates the library of `own`, the source with which the probe starts, and of the maps, folders of maps and recordings in `folders`.
     #[must_use]
     pub fn new(own: Spec, folders: Vec<PathBuf>) -> Self {
         Self { own: Some(own), folders }

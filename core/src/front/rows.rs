@@ -228,7 +228,7 @@ fn binned_bytes(bins: &Bins<'_>, format: Format, out: &mut [[u8; 4]]) {
     out.iter_mut().zip(means).for_each(|(bytes, codes)| *bytes = codes.map(|code| code as u8));
 }
 
-/// Unpacks two rows of a mosaic into cells and returns cells `odd` to `odd + len`.
+/// Unpacks two rows of a mosaic into cells, and returns `len` cells from cell `odd`.
 #[inline(always)]
 fn cells<'a, const B: usize>(
     rows: [&[u8]; 2],

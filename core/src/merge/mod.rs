@@ -268,8 +268,9 @@ impl MergeView<'_> {
         matches!(self.parameters.merge_loop, MergeLoop::Linear(_))
     }
 
-    /// Merges samples like [`MergeView::counts`], but writes the two factors of each count so that the caller can multiply and accumulate in one
-    /// step. Returns the number of counts per unit of the products, which depends on the exposures that are read; `None` without a linear loop.
+    /// Merges samples like [`MergeView::counts`], but writes the two factors of each integer radiance to `sums` and `reciprocals`, so that the caller
+    /// can multiply and accumulate in one step. Returns the radiance of a product of 1 in units of [`Merge::unit`], which depends on the
+    /// exposures that are read; `None` if the response is not linear (see [`MergeView::has_products`]).
     #[must_use]
     pub fn products(&self, codes: &[Codes<'_>], sums: &mut [i16], reciprocals: &mut [i16]) -> Option<f32> {
         let MergeLoop::Linear(linear) = &self.parameters.merge_loop else { return None };

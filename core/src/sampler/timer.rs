@@ -1,6 +1,6 @@
 //! The measurement of the time that a sampler spends in its temporal filters.
 
-/// A timer of the temporal filters of a sampler, which reads the clock of the program.
+/// Measures the time that a sampler spends in its temporal filters, with the clock that the caller provides.
 ///
 /// ```
 /// use hemilux_core::sampler::Timer;

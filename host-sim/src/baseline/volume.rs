@@ -27,7 +27,7 @@ const SOLID_ANGLE_EXPONENT: f64 = 0.25;
 /// direction of the centroid of the whole box, so that the light does not move within the box, and the id of the box.
 ///
 /// The publication describes splits into quads in space or into two intervals in time, an importance metric, and the whole sequence as input.
-/// The metric, the selection of splits and the positions of lights belong to this implementation.
+/// The publication leaves open the metric, the selection of splits and the positions of lights: they were chosen here.
 ///
 /// # References
 /// L. Wan, S.-K. Mak, T.-T. Wong, C.-S. Leung, "Spatiotemporal sampling of dynamic environment sequences",
