@@ -6,7 +6,8 @@
 //! whose neighbours in exposure are too dark even for sums is judged by its own change alone: if the change is of the kind of a false
 //! frame, the frame is doubtful for one burst.
 
-use super::history::{Contradictions, DEVIATIONS, KNOWN, NEW};
+use super::history::KNOWN;
+use super::jump::{ENOUGH_ROWS, JUMP, Usual, measured};
 use super::samples::{ROWS, SATURATED, Sampled};
 use hemilux_core::MAX_EXPOSURES;
 use hemilux_core::wire::FrameFault;
@@ -14,28 +15,12 @@ use hemilux_core::wire::FrameFault;
 /// Least number of dark samples of a row for a sum.
 const ENOUGH_IN_ROW: u16 = 16;
 
-/// Least number of measured rows for a judgement of a frame.
-const ENOUGH_ROWS: usize = 4;
-
-/// Least factor by which the light of a row changes in a false frame: all faults change the light of the rows in which they occur by more.
-const JUMP: f32 = 1.5;
-
-/// Least factor of the change of one row if fewer rows than [`PART_ROWS`] jump: a tear may cross a row.
-const FAR_JUMP: f32 = 2.5;
-
-/// Least number of jumping rows for a jump without the factor [`FAR_JUMP`]: a moving object seldom fills so many rows.
-const PART_ROWS: usize = 3;
-
 /// Largest factor between the radiances of a row in two exposures if the row is measured in both: noise that is cut off at black adds to
 /// the radiance of the darker one.
 const SAME: f32 = 1.25;
 
 /// Relative difference up to which two exposures are equal.
 const SAME_LIGHT: f64 = 0.01;
-
-/// Largest square of the change of a burst that is added to the running variance, as a multiple of the variance: a false frame without a
-/// jump then does not hide the next false frame.
-const OUTLIER: f32 = 8.0;
 
 /// Judgement of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -136,14 +121,15 @@ impl Levels {
     fn judge_alone(&mut self, seen: &Seen<'_>, index: usize) -> Judgement {
         let slot = self.counterpart(seen.lights, index);
         let is_doubted = self.before[slot].is_doubted;
-        let changes = self.alone(self.known(seen, index));
-        let is_measured = measured(&changes) >= ENOUGH_ROWS;
-        let found = if is_measured { self.own[index].judge(&changes, self.bursts > KNOWN) } else { None };
-        match found {
+        let rows = self.alone(self.known(seen, index));
+        let changes = rows.map(|row| row.filter(|change| !change.is_dark()).map(Change::least));
+        let is_dark = measured(&changes) < ENOUGH_ROWS;
+        match self.own[index].judge(&changes, measured(&rows), self.bursts > KNOWN) {
             Some(Some(_)) if !is_doubted => Judgement::Doubtful,
-            Some(_) => Judgement::Sound,
-            None if self.is_alone_in_exposure(seen.lights, index) && !is_doubted => Judgement::Doubtful,
-            None => Judgement::Unknown,
+            Some(Some(_)) => Judgement::Sound,
+            Some(None) if !is_dark => Judgement::Sound,
+            _ if self.is_alone_in_exposure(seen.lights, index) && !is_doubted => Judgement::Doubtful,
+            _ => Judgement::Unknown,
         }
     }
 
@@ -159,13 +145,13 @@ impl Levels {
     /// Compares the changes of two frames of neighbouring exposure and writes the judgements of both to `judged`.
     fn judge_pair(&mut self, seen: &Seen<'_>, pair: [usize; 2], judged: &mut [Judgement; MAX_EXPOSURES]) {
         let rows = self.pair(pair.map(|index| self.known(seen, index)));
-        if measured(&rows) < ENOUGH_ROWS {
-            return;
-        }
-        let differences = rows.map(|row| row.map(|[short, long]| short.less(long)));
-        let Some(found) = self.apart[pair[0]].judge(&differences, self.bursts > KNOWN) else { return };
+        let is_bright = |changes: &[Change; 2]| !changes.iter().any(|change| change.is_dark());
+        let differences = rows.map(|row| row.filter(is_bright).map(|[short, long]| short.less(long)));
+        let found = self.apart[pair[0]].judge(&differences, measured(&rows), self.bursts > KNOWN);
+        let Some(found) = found else { return };
         let Some(jump) = found else {
-            for index in pair {
+            let is_dark = measured(&differences) < ENOUGH_ROWS;
+            for index in pair.into_iter().filter(|_| !is_dark) {
                 if judged[index] == Judgement::Unknown {
                     judged[index] = Judgement::Sound;
                 }
@@ -249,14 +235,14 @@ impl Levels {
         rows
     }
 
-    /// Returns the natural logarithm of the change of each row of a frame; `None` for rows that are not measured.
-    fn alone(&self, known: Known<'_>) -> [Option<f32>; ROWS] {
+    /// Returns the change of each row of a frame; `None` for rows that are not measured.
+    fn alone(&self, known: Known<'_>) -> [Option<Change>; ROWS] {
         let mut rows = [None; ROWS];
         for (found, (now, before)) in rows.iter_mut().zip(known.rows()) {
             let mut sums = Sums::default();
             let dark = now.iter().zip(before).filter(|(_, before)| **before < self.least);
             dark.for_each(|(now, before)| sums.add(*now, *before));
-            *found = sums.change(self.floor, &known).map(|change| change.log);
+            *found = sums.change(self.floor, &known);
         }
         rows
     }
@@ -267,10 +253,6 @@ impl<'a> Known<'a> {
     fn rows(&self) -> impl Iterator<Item = (&'a [f32], &'a [f32])> + use<'a> {
         self.now.rows().zip(self.before.rows())
     }
-}
-
-fn measured<T>(rows: &[Option<T>; ROWS]) -> usize {
-    rows.iter().flatten().count()
 }
 
 /// Sums of the relative exposures of the dark samples of a row, in the present burst and in the burst before.
@@ -290,15 +272,16 @@ impl Sums {
         self.is_saturated |= now == SATURATED;
     }
 
-    /// The change of radiance; none for too few samples and for light below `floor`.
+    /// The change of radiance; none for too few samples.
     fn change(&self, floor: f32, known: &Known<'_>) -> Option<Change> {
         let least = floor * f32::from(self.count);
-        if self.count < ENOUGH_IN_ROW || self.before < least {
+        if self.count < ENOUGH_IN_ROW {
             return None;
         }
         let light = (known.lights[1] / known.lights[0]) as f32;
-        let log = (self.now.max(least) / self.before * light).ln();
-        Some(Change { log, is_at_most: self.now < least, is_at_least: self.is_saturated })
+        let log = (self.now.max(least) / self.before.max(least) * light).ln();
+        let is_at_least = self.is_saturated || self.before < least;
+        Some(Change { log, is_at_most: self.now < least, is_at_least })
     }
 }
 
@@ -311,84 +294,23 @@ struct Change {
 }
 
 impl Change {
+    const NONE: Self = Self { log: 0.0, is_at_most: false, is_at_least: false };
+
+    /// Returns true if the row is too dark for a measurement in both bursts.
+    fn is_dark(self) -> bool {
+        self.is_at_most && self.is_at_least
+    }
+
+    /// Logarithm of the smallest change within the bounds.
+    fn least(self) -> f32 {
+        self.less(Self::NONE)
+    }
+
     /// The difference to another change; 0 where the bounds allow it.
     fn less(self, other: Self) -> f32 {
         let difference = self.log - other.log;
         let may_be_more = self.is_at_least || other.is_at_most;
         let may_be_less = self.is_at_most || other.is_at_least;
         if (difference < 0.0 && may_be_more) || (difference > 0.0 && may_be_less) { 0.0 } else { difference }
-    }
-}
-
-/// Running statistics of the changes of a frame's rows from burst to burst.
-#[derive(Clone, Copy, Debug, Default)]
-struct Usual {
-    bursts: u32,
-    variance: f32,
-    jumps: Contradictions,
-}
-
-impl Usual {
-    /// Returns whether `changes` have an unusual jump, if `is_known`; adds what is usual to the variance.
-    fn judge(&mut self, changes: &[Option<f32>; ROWS], is_known: bool) -> Option<Option<Jump>> {
-        let least = (JUMP.ln() / DEVIATIONS).powi(2);
-        let threshold = DEVIATIONS * self.variance.max(least).sqrt();
-        let jump = Jump::find(changes, threshold).filter(|_| is_known);
-        let is_usual = self.jumps.add(jump.is_some());
-        let unusual = jump.filter(|_| !is_usual);
-        if unusual.is_none() {
-            let squares = changes.iter().flatten().map(|change| change * change).sum::<f32>();
-            let square = squares / measured(changes).max(1) as f32;
-            let most = if is_known { OUTLIER * self.variance.max(least) } else { f32::MAX };
-            self.bursts = self.bursts.saturating_add(1);
-            let new = NEW.max(1.0 / self.bursts as f32);
-            self.variance += new * (square.min(most) - self.variance);
-        }
-        is_known.then_some(unusual)
-    }
-}
-
-/// Rows from the upper or the lower edge of a frame on, or all rows, that all become darker, or all brighter.
-#[derive(Clone, Copy, Debug)]
-struct Jump {
-    rows: [bool; ROWS],
-    is_whole: bool,
-}
-
-impl Jump {
-    fn find(changes: &[Option<f32>; ROWS], threshold: f32) -> Option<Self> {
-        let moved = |change: &f32| change.abs() > threshold;
-        let rows = changes.map(|change| change.as_ref().is_some_and(moved));
-        let count = rows.iter().filter(|moved| **moved).count();
-        let jumps = || changes.iter().flatten().filter(|change| moved(change));
-        let is_one_way = jumps().all(|change| *change > 0.0) || jumps().all(|change| *change < 0.0);
-        let mut edges = 0;
-        let mut last = None;
-        for is_moved in changes.iter().flatten().map(moved) {
-            edges += usize::from(last.is_some_and(|last| last != is_moved));
-            last = Some(is_moved);
-        }
-        let is_far = count >= PART_ROWS || jumps().any(|change| change.abs() > FAR_JUMP.ln());
-        let is_jump = count > 0 && is_one_way && edges <= 1 && is_far;
-        is_jump.then_some(Self { rows, is_whole: edges == 0 })
-    }
-
-    /// Returns the mean absolute value of `changes` over the rows of the jump.
-    fn size(&self, changes: &[Option<f32>; ROWS]) -> f32 {
-        let sizes = || changes.iter().zip(self.rows).filter_map(|(change, moved)| change.filter(|_| moved));
-        sizes().map(f32::abs).sum::<f32>() / sizes().count().max(1) as f32
-    }
-
-    fn fault(&self, frame: &Sampled) -> FrameFault {
-        let all = |value: f32| frame.rows().flatten().all(|sample| *sample == value);
-        if !self.is_whole {
-            FrameFault::Torn
-        } else if all(0.0) {
-            FrameFault::Black
-        } else if all(SATURATED) {
-            FrameFault::Saturated
-        } else {
-            FrameFault::WrongExposure
-        }
     }
 }

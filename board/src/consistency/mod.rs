@@ -7,6 +7,7 @@
 
 mod compare;
 mod history;
+mod jump;
 mod levels;
 mod samples;
 #[cfg(test)]
