@@ -1,5 +1,5 @@
-//! Camera of a soak test: a source of bursts of 64 by 48 pixels whose light rises and falls like daylight. Every call of `next` returns
-//! a burst without a wait.
+//! Camera of a soak test: a source of bursts of 64 by 48 pixels whose light rises and falls like daylight. A call of `next` returns
+//! a burst without a wait, except during outages, which are long enough for stale sets.
 
 use hemilux::calibration::{Burst, Calibration, Frame, Pixels};
 use hemilux::clock;
@@ -8,6 +8,7 @@ use hemilux_core::format::Format;
 use hemilux_core::{Exposure, Lens, Levels};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
 
 /// Columns of a frame.
 const WIDTH: u32 = 64;
@@ -25,6 +26,12 @@ const HALF_DAY: f64 = 432_000.0;
 
 /// Radiance at the darkest moment divided by the radiance at the brightest moment.
 const DARKEST: f64 = 1.0 / 500.0;
+
+/// Number of bursts between two outages, the first of which is after half of this number.
+const BETWEEN_OUTAGES: u64 = 12_000;
+
+/// Duration of an outage, real time: longer than the age at which the server marks a set stale (1.5 s).
+const OUTAGE: Duration = Duration::from_secs(2);
 
 /// Code of the sun in the shortest exposure at the brightest moment, divided by the largest code.
 const BRIGHTEST: f32 = 0.8;
@@ -61,6 +68,8 @@ pub(super) struct DayCamera {
     bursts: u64,
     /// Number of bursts from the darkest to the brightest moment.
     half_day: f64,
+    /// Time until which the device is missing.
+    gone_until: Option<Instant>,
     daylight: Daylight,
 }
 
@@ -83,6 +92,7 @@ impl DayCamera {
             dither,
             bursts: 0,
             half_day,
+            gone_until: None,
             daylight: Daylight::default(),
         })
     }
@@ -90,6 +100,15 @@ impl DayCamera {
     /// Returns a handle to the light and the number of bursts, which `next` updates.
     pub fn daylight(&self) -> Daylight {
         self.daylight.clone()
+    }
+
+    /// Returns true during the outage that precedes a burst of every [`BETWEEN_OUTAGES`].
+    fn is_gone(&mut self) -> bool {
+        if self.bursts % BETWEEN_OUTAGES != BETWEEN_OUTAGES / 2 {
+            self.gone_until = None;
+            return false;
+        }
+        Instant::now() < *self.gone_until.get_or_insert_with(|| Instant::now() + OUTAGE)
     }
 
     /// Returns the radiance of the next burst divided by the radiance at the brightest moment; it changes by a constant factor per burst.
@@ -141,6 +160,9 @@ impl Source for DayCamera {
     }
 
     fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
+        if self.is_gone() {
+            return Err(SourceError::Gone("found no device, expected the camera of the soak test".into()));
+        }
         let light = self.light();
         self.bursts += 1;
         burst.before_ns = clock::monotonic_ns();

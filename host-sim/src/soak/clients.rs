@@ -1,7 +1,7 @@
 //! Clients of a soak test, one thread each: they request light sets, pictures and the status, subscribe to sets, change settings and abandon
 //! connections.
 
-use super::tally::Tally;
+use super::tally::{Before, Reply, Tally};
 use hemilux::probe::Config;
 use hemilux::probe::settings::{Kind, SETTINGS, Setting};
 use hemilux_core::wire::BinarySet;
@@ -119,41 +119,41 @@ impl Client {
             if self.is_over() {
                 return;
             }
+            let before = self.tally.before();
             match self.get(&agent, path) {
-                Some((200, body)) => self.check(path, &body),
+                Some((200, body)) => {
+                    self.check(path, before, &body);
+                }
                 Some((status, _)) => self.tally.error(format!("{path}: status {status}")),
                 None => return,
             }
         }
     }
 
-    fn check(&self, path: &str, body: &[u8]) {
-        let text = || String::from_utf8_lossy(body);
-        if path.contains("binary") {
-            match BinarySet::try_new(body).map(|set| set.head()) {
-                Ok(set) => self.tally.check(path, set.frame, set.scalar_flux, set.stale.is_some()),
-                Err(error) => self.tally.error(format!("{path}: {error}")),
-            }
+    /// Reads a light set in the form of `path` and compares it with the published set; returns its frame.
+    fn check(&self, path: &str, before: Before, body: &[u8]) -> Option<u64> {
+        let text = String::from_utf8_lossy(body);
+        let reply = if path.contains("binary") {
+            binary(body)
         } else if path.contains("text") || path == "/data" {
-            let frame = text().lines().find_map(|line| line.strip_prefix("# frame ")?.parse::<u64>().ok());
-            self.tally.require(frame.is_some(), || format!("{path}: found {}", text()));
+            lines(&text)
         } else if path == "/xml" {
-            self.tally
-                .require(text().trim_end().ends_with("</lights>"), || format!("{path}: found {}", text()));
+            xml(&text)
         } else {
-            self.check_json(path, body);
-        }
+            json_set(body)
+        };
+        let Some(reply) = reply else {
+            self.tally.error(format!("{path}: found {text}, expected a light set"));
+            return None;
+        };
+        self.tally.check(path, before, &reply);
+        Some(reply.frame)
     }
 
-    fn check_json(&self, path: &str, body: &[u8]) {
-        let set: Value = serde_json::from_slice(body).unwrap_or_default();
-        let flux = |c: usize| set["scalar_flux"][c].as_f64().map(|v| v as f32);
-        match (set["frame"].as_u64(), flux(0), flux(1), flux(2)) {
-            (Some(frame), Some(r), Some(g), Some(b)) => {
-                self.tally.check(path, frame, [r, g, b], !set["stale"].is_null());
-            }
-            _ => self.tally.error(format!("{path}: found {set}, expected a light set")),
-        }
+    /// Compares a set of a stream. A set that is not newer than the set before, of frame `last`, must be marked stale.
+    fn check_next(&self, path: &str, last: &mut Option<u64>, body: &[u8]) {
+        let before = Before { first_new: last.map_or(0, |frame| frame + 1), asked_ns: 0 };
+        *last = self.check(path, before, body).or(*last);
     }
 
     /// Receives sets as server-sent events and compares them with the published sets.
@@ -164,7 +164,7 @@ impl Client {
         let reply = agent.get(format!("http://{}/v1/events", self.address)).call();
         let Ok(reply) = reply else { return self.tally.error(format!("/v1/events: {:?}", reply.err())) };
         let mut lines = BufReader::new(reply.into_body().into_reader()).lines();
-        let mut began = Instant::now();
+        let (mut began, mut last) = (Instant::now(), None);
         for _ in 0..REQUESTS_PER_CONNECTION {
             let data = lines.by_ref().find_map(|line| match line {
                 Ok(line) => line.strip_prefix("data:").map(|data| Ok(data.trim().to_owned())),
@@ -173,7 +173,7 @@ impl Client {
             match data {
                 Some(Ok(data)) => {
                     self.tally.reply(began.elapsed());
-                    self.check_json("/v1/events", data.as_bytes());
+                    self.check_next("/v1/events", &mut last, data.as_bytes());
                 }
                 other => return self.tally.error(format!("/v1/events: found {other:?}, expected a set")),
             }
@@ -197,12 +197,13 @@ impl Client {
             Ok(made) => made,
             Err(error) => return failed(&error),
         };
+        let mut last = None;
         for _ in 0..REQUESTS_PER_CONNECTION {
             let began = Instant::now();
             match socket.read() {
                 Ok(message) if message.is_text() || message.is_binary() => {
                     self.tally.reply(began.elapsed());
-                    self.check_json("/v1/socket", &message.into_data());
+                    self.check_next("/v1/socket", &mut last, &message.into_data());
                 }
                 Ok(_) => {}
                 Err(error) => return failed(&error),
@@ -272,6 +273,37 @@ impl Client {
             sleep(Duration::from_millis(20));
         }
     }
+}
+
+fn binary(body: &[u8]) -> Option<Reply> {
+    let set = BinarySet::try_new(body).ok()?.head();
+    let stale_ms = set.stale.map(|stale| stale.age_ms);
+    Some(Reply { frame: set.frame, flux: Some(set.scalar_flux), stale_ms })
+}
+
+fn json_set(body: &[u8]) -> Option<Reply> {
+    let set: Value = serde_json::from_slice(body).ok()?;
+    let flux = |c: usize| set["scalar_flux"][c].as_f64().map(|v| v as f32);
+    let stale_ms = if set["stale"].is_null() { None } else { Some(set["stale"]["age_ms"].as_u64()?) };
+    Some(Reply { frame: set["frame"].as_u64()?, flux: Some([flux(0)?, flux(1)?, flux(2)?]), stale_ms })
+}
+
+fn lines(text: &str) -> Option<Reply> {
+    let value = |name: &str| text.lines().find_map(|line| line.strip_prefix(name));
+    let stale = value("# stale ")?;
+    Some(Reply { frame: value("# frame ")?.parse().ok()?, flux: None, stale_ms: first_number(stale) })
+}
+
+fn xml(text: &str) -> Option<Reply> {
+    let value = |name: &str| text.split_once(name)?.1.split('"').next();
+    let is_whole = text.trim_end().ends_with("</lights>");
+    let frame = value(" frame=\"")?.parse().ok().filter(|_| is_whole)?;
+    Some(Reply { frame, flux: None, stale_ms: first_number(value(" stale=\"")?) })
+}
+
+/// Returns the number before the first space of the mark of a stale set; `None` for a mark without one, which is that of a fresh set.
+fn first_number(mark: &str) -> Option<u64> {
+    mark.split(' ').next()?.parse().ok()
 }
 
 /// Returns legal values of a setting that differ from its default `usual`.

@@ -1,7 +1,7 @@
 //! Comparison of every published set with the known light of its burst, and the recovery from each fault.
 
 use super::camera::Daylight;
-use super::tally::Tally;
+use super::tally::{Published, Tally};
 use hemilux::light_set::OwnedSet;
 use hemilux::probe::Link;
 use hemilux::source::{Fault, FaultCounts};
@@ -84,6 +84,11 @@ impl SetJudge {
         }
     }
 
+    /// Returns the counts so far.
+    pub fn outcome(&self) -> &Outcome {
+        &self.outcome
+    }
+
     pub fn into_outcome(self) -> Outcome {
         self.outcome
     }
@@ -93,6 +98,7 @@ impl SetJudge {
         if self.outcome.words.len() < DESCRIBED {
             let (last, since, light) = (self.last, self.since, self.daylight.light());
             let line = format!("frame {frame}: {what}; light {light:.5}, {since} bursts after {last}");
+            eprintln!("soak: wrong: {line}");
             self.outcome.words.push(line);
         }
     }
@@ -133,7 +139,7 @@ impl SetJudge {
     /// Compares the flux of the newest set with the flux of its burst; returns whether all frames of the burst were merged.
     fn judge_set(&mut self, link: &Link, set: &OwnedSet) -> bool {
         self.outcome.sets = set.frame + 1;
-        self.tally.publish(set.frame, set.scalar_flux);
+        self.tally.publish(set.frame, Published { flux: set.scalar_flux, timestamp_ns: set.timestamp_ns });
         let config = link.settings().applied().borrow().config.pipeline.clone();
         let flux = f64::from(set.scalar_flux[1]);
         let is_held = is_held(&set.frames_left_out);

@@ -6,6 +6,8 @@ mod clients;
 mod judge;
 mod report;
 mod tally;
+#[cfg(test)]
+mod tests;
 
 use crate::error::SimError;
 use camera::DayCamera;
@@ -15,8 +17,8 @@ use hemilux::probe::{Config, Worker};
 use hemilux::server::{self, KnownHosts, Limits, Options};
 use hemilux::source::{FaultSource, FaultSpec, Source};
 use hemilux_core::Extrapolation;
-use judge::SetJudge;
-use report::SoakReport;
+use judge::{Outcome, SetJudge};
+use report::{MemoryLog, SoakReport};
 use std::net::{Ipv4Addr, TcpListener};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -29,8 +31,11 @@ pub const FRAMES_A_SECOND: u64 = 10;
 /// Pause between attempts to read a burst while the device is gone.
 const RETRY: Duration = Duration::from_millis(1);
 
-/// The memory at 1/`WARM` of the run is the baseline for its growth.
-const WARM: u64 = 10;
+/// Number of bursts between two samples of the memory.
+const SAMPLED: u64 = 100;
+
+/// Bursts of an hour of simulated time.
+const HOUR: u64 = 3600 * FRAMES_A_SECOND;
 
 /// Parameters of a soak test.
 #[derive(Clone, Debug)]
@@ -89,7 +94,7 @@ pub fn run(job: &SoakJob) -> Result<SoakReport, SimError> {
     let (began, descriptors) = (Instant::now(), report::descriptors());
     let mut judge = SetJudge::new(flux, &daylight, &tally, &counts);
     let threads = clients::start(address, &tally).map_err(|e| failed(&e))?;
-    let (mut bursts, mut warm_kb, mut most_kb) = (0, 0, 0);
+    let (mut bursts, mut memory) = (0, MemoryLog::default());
     while bursts < job.frames || tally.replies.load(Ordering::Relaxed) < job.replies {
         let is_ok = worker.step().is_ok();
         let taken = daylight.bursts();
@@ -100,16 +105,16 @@ pub fn run(job: &SoakJob) -> Result<SoakReport, SimError> {
         }
         bursts = taken;
         judge.judge_burst(&link, is_ok);
-        if bursts == job.frames / WARM {
-            warm_kb = report::resident_kb();
-        }
-        if bursts % 1000 == 0 {
-            most_kb = report::resident_kb().max(most_kb);
+        if bursts % SAMPLED == 0 {
+            memory.sample(bursts, job.frames);
             // The threads of the clients run.
             std::thread::yield_now();
         }
+        if bursts % HOUR == 0 {
+            tell_progress(bursts, judge.outcome(), &tally, &memory);
+        }
     }
-    let (resident_kb, took) = (report::resident_kb(), began.elapsed());
+    let took = began.elapsed();
     tally.over.store(true, Ordering::Relaxed);
     // Further sets end the waits of the clients.
     while threads.iter().any(|thread| !thread.is_finished())
@@ -125,9 +130,20 @@ pub fn run(job: &SoakJob) -> Result<SoakReport, SimError> {
         outcome: judge.into_outcome(),
         quality: link.status().quality(),
         settings: [tally.settings(), SETTINGS.len()],
-        memory_kb: [warm_kb, resident_kb, most_kb],
+        memory,
         descriptors: [descriptors, left],
         took,
         tally,
     })
+}
+
+/// Prints the counts after each hour of simulated time to standard error.
+fn tell_progress(bursts: u64, outcome: &Outcome, tally: &Tally, memory: &MemoryLog) {
+    let [replies, errors] = [&tally.replies, &tally.errors].map(|counter| counter.load(Ordering::Relaxed));
+    eprintln!(
+        "soak: {} h: {} wrong sets, {replies} replies, {errors} errors, most memory {} kB",
+        bursts / HOUR,
+        outcome.wrong,
+        memory.most_kb
+    );
 }

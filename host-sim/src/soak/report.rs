@@ -10,9 +10,14 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-/// Largest growth of the resident memory that does not count as a leak: the larger of a share of the memory and a size in kB, which is for
-/// the first use of each kind of reply and setting in short runs.
-const GROWTH: (f64, u64) = (0.01, 4096);
+/// Largest growth of the mean resident memory that does not count as a leak, as a share of the memory.
+const GROWTH: f64 = 0.01;
+
+/// Largest growth in a run of fewer than [`LONG`] bursts, kB: a tenth of it is shorter than some cycles of the settings.
+const SHORT_GROWTH: f64 = 4096.0;
+
+/// Number of bursts from which the memory must be flat within [`GROWTH`].
+const LONG: u64 = 36_000;
 
 /// Largest growth of the number of open file descriptors of the process that does not count as a leak: connections that the server has not
 /// closed yet.
@@ -28,8 +33,7 @@ pub struct SoakReport {
     pub(super) quality: QualityStatus,
     /// Number of settings that clients changed, and number of all settings of the probe.
     pub(super) settings: [usize; 2],
-    /// Resident memory after a tenth of the run, at its end, and its maximum, kB.
-    pub(super) memory_kb: [u64; 3],
+    pub(super) memory: MemoryLog,
     /// Number of open descriptors before the clients start and after they have ended.
     pub(super) descriptors: [usize; 2],
     pub(super) took: Duration,
@@ -40,16 +44,16 @@ impl SoakReport {
     /// Returns one description for each violated requirement.
     #[must_use]
     pub fn failures(&self) -> Vec<String> {
-        let [warm, end, _] = self.memory_kb;
-        let grown = end.saturating_sub(warm);
-        let is_flat = grown <= GROWTH.1.max((GROWTH.0 * warm as f64) as u64);
+        let [warm, end] = self.memory.means_kb();
+        let least = if self.bursts < LONG { SHORT_GROWTH } else { 0.0 };
+        let is_flat = end - warm <= least.max(GROWTH * warm);
         let count = |counter: &std::sync::atomic::AtomicU64| counter.load(Ordering::Relaxed);
         let unrecovered: u64 = self.outcome.faults.iter().map(|fault| fault.unrecovered).sum();
         let checks = [
             (self.outcome.wrong == 0, format!("{} wrong sets", self.outcome.wrong)),
             (count(&self.tally.errors) == 0, format!("{} errors of clients", count(&self.tally.errors))),
             (unrecovered == 0, format!("{unrecovered} faults without recovery within two bursts")),
-            (is_flat, format!("memory grew by {grown} kB from {warm} kB")),
+            (is_flat, format!("memory grew from {warm:.0} kB to {end:.0} kB")),
             (
                 self.descriptors[1] <= self.descriptors[0] + DESCRIPTORS,
                 format!(
@@ -84,17 +88,18 @@ impl fmt::Display for SoakReport {
         writeln!(f, "{:<34}{:>12}", "steps of the quality, down / up", steps)?;
         writeln!(f, "{:<34}{:>12}", "replies", count(&tally.replies))?;
         writeln!(f, "{:<34}{:>12}", "replies compared with their set", count(&tally.checked))?;
-        writeln!(f, "{:<34}{:>12}", "replies marked stale", count(&tally.stale))?;
+        writeln!(f, "{:<34}{:>12}", "replies of a stale set, marked", count(&tally.stale))?;
+        writeln!(f, "{:<34}{:>12}", "replies of a stale set, unmarked", count(&tally.unmarked))?;
         writeln!(f, "{:<34}{:>12}", "errors, lost replies included", count(&tally.errors))?;
         writeln!(f, "{:<34}{:>12.3}", "longest time of a reply, s", tally.worst().as_secs_f64())?;
         writeln!(f, "{:<34}{:>12}", "connections closed half-way", count(&tally.rude))?;
         writeln!(f, "{:<34}{:>12}", "changes of settings", count(&tally.changes))?;
         let settings = format!("{} of {}", self.settings[0], self.settings[1]);
         writeln!(f, "{:<34}{:>12}", "settings changed", settings)?;
-        let [warm, end, most] = self.memory_kb;
-        writeln!(f, "{:<34}{:>12}", "memory after a tenth, kB", warm)?;
-        writeln!(f, "{:<34}{:>12}", "memory at the end, kB", end)?;
-        writeln!(f, "{:<34}{:>12}", "most memory, kB", most)?;
+        let [warm, end] = self.memory.means_kb();
+        writeln!(f, "{:<34}{:>12.0}", "memory, mean of second tenth, kB", warm)?;
+        writeln!(f, "{:<34}{:>12.0}", "memory, mean of last tenth, kB", end)?;
+        writeln!(f, "{:<34}{:>12}", "most memory, kB", self.memory.most_kb)?;
         let descriptors = format!("{} / {}", self.descriptors[0], self.descriptors[1]);
         writeln!(f, "{:<34}{:>12}", "descriptors, start / end", descriptors)?;
         writeln!(f, "{:<34}{:>12}{:>12}{:>12}", "faults", "number", "recovered", "not")?;
@@ -108,8 +113,36 @@ impl fmt::Display for SoakReport {
     }
 }
 
+/// Resident memory over a run: means over tenths of the run, because each change of a setting and each large reply changes the memory for a
+/// moment.
+#[derive(Clone, Debug, Default)]
+pub(super) struct MemoryLog {
+    /// Sums and numbers of the samples in the second and in the last tenth of the run, kB.
+    tenths: [(u64, u64); 2],
+    pub(super) most_kb: u64,
+}
+
+impl MemoryLog {
+    /// Samples the memory after `bursts` of `frames` bursts.
+    pub fn sample(&mut self, bursts: u64, frames: u64) {
+        let kb = resident_kb();
+        self.most_kb = self.most_kb.max(kb);
+        let tenth = 10 * bursts / frames.max(1);
+        for ((sum, samples), index) in self.tenths.iter_mut().zip([1, 9]) {
+            if tenth == index {
+                *sum += kb;
+                *samples += 1;
+            }
+        }
+    }
+
+    fn means_kb(&self) -> [f64; 2] {
+        self.tenths.map(|(sum, samples)| sum as f64 / samples.max(1) as f64)
+    }
+}
+
 /// Returns the resident memory of this process in kB, from `/proc/self/status`; 0 if the file lacks it.
-pub(super) fn resident_kb() -> u64 {
+fn resident_kb() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
     line.and_then(|line| line.trim().trim_end_matches(" kB").trim().parse().ok()).unwrap_or(0)
