@@ -22,7 +22,21 @@ pub fn us_since(ns: u64) -> u32 {
 #[must_use]
 pub fn wall_ms() -> u64 {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    u64::try_from(since.as_millis()).unwrap_or(u64::MAX)
+    let ms = u64::try_from(since.as_millis()).unwrap_or(u64::MAX);
+    #[cfg(test)]
+    let ms = ms.saturating_add_signed(step::WALL_MS.get());
+    ms
+}
+
+/// Steps of the wall clock, for tests.
+#[cfg(test)]
+pub(crate) mod step {
+    use std::cell::Cell;
+
+    thread_local! {
+        /// Milliseconds that are added to Unix time in this thread.
+        pub(crate) static WALL_MS: Cell<i64> = const { Cell::new(0) };
+    }
 }
 
 #[cfg(test)]

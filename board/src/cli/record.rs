@@ -336,6 +336,17 @@ mod tests {
     }
 
     #[test]
+    fn a_recording_on_a_full_disk_ends_with_one_line_that_names_the_file() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let list = folder.path().join("sequence.toml");
+        // Writes to this device fail as on a full disk.
+        std::os::unix::fs::symlink("/dev/full", &list).expect("a link");
+        let failure = record(source(&Script::default()), 2, folder.path()).expect_err("no space");
+        let named = format!("--out {}: found No space left on device", list.display());
+        assert!(failure.line.starts_with(&named) && !failure.line.contains('\n'), "{}", failure.line);
+    }
+
+    #[test]
     fn a_recording_continues_after_a_disconnection() {
         let faults = vec![(400, Fault::Disconnect(Duration::from_millis(3500)))];
         let script = Script { faults, loss: 0.05, ..Script::default() };

@@ -137,6 +137,36 @@ fn faults_of_every_kind_together_make_no_wrong_set() {
     assert!(outcome.refused > 0 && outcome.with_frames_left_out > 0, "{outcome:?}");
 }
 
+#[test]
+fn a_step_of_the_wall_clock_changes_the_wall_time_of_sets_alone() {
+    const HOUR_MS: i64 = 3_600_000;
+    let source = recording("room", Pace::Free);
+    let mut worker = Worker::try_new(Box::new(source), "clock".into(), Config::steady()).expect("a worker");
+    let link = worker.link();
+    let mut sets = Vec::new();
+    for step_ms in [0, HOUR_MS, -HOUR_MS] {
+        crate::clock::step::WALL_MS.set(step_ms);
+        for _ in 0..10 {
+            worker.step().expect("a set");
+            let set = link.sets().latest().expect("a set");
+            assert!(link.staleness(&set).age_ms < 5000, "step of {step_ms} ms: {:?}", link.staleness(&set));
+            sets.push((step_ms, set));
+        }
+    }
+    let (_, first) = &sets[0];
+    for pair in sets.windows(2) {
+        let [(_, before), (step_ms, set)] = pair else { unreachable!("pairs") };
+        assert!(set.timestamp_ns > before.timestamp_ns, "step of {step_ms} ms: time goes on");
+        assert_eq!(
+            (set.scalar_flux, &set.flicker),
+            (first.scalar_flux, &first.flicker),
+            "step of {step_ms} ms"
+        );
+        let stepped = set.wall_ms.cast_signed() - first.wall_ms.cast_signed() - step_ms;
+        assert!((0..60_000).contains(&stepped), "step of {step_ms} ms: {stepped} ms more");
+    }
+}
+
 async fn lights(probe: &Probe) -> Value {
     let router = app(probe.link(), Options::default()).router();
     let request =
