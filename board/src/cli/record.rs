@@ -340,7 +340,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let list = folder.path().join("sequence.toml");
         // Writes to this device fail as on a full disk.
-        std::os::unix::fs::symlink("/dev/full", &list).expect("a link");
+        std::os::unix::fs::symlink("/dev/full", list.with_extension("part")).expect("a link");
         let failure = record(source(&Script::default()), 2, folder.path()).expect_err("no space");
         let named = format!("--out {}: found No space left on device", list.display());
         assert!(failure.line.starts_with(&named) && !failure.line.contains('\n'), "{}", failure.line);
