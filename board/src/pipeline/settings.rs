@@ -108,7 +108,7 @@ pub enum PipelineError {
     Sampler(#[from] SamplerError),
     /// A sliding window with the removal of flicker.
     #[error(
-        "window: found sliding with mains = {0}, expected mains = off, since flicker is removed from bursts alone"
+        "window = sliding with mains = {0}, expected mains = off, since flicker is removed from bursts alone"
     )]
     Window(&'static str),
     /// The frames do not fit the calibration.

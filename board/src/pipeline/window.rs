@@ -140,7 +140,7 @@ mod tests {
         let refused = Settings { lamps: Lamps::Mains50, ..sliding() }.check().expect_err("both");
         assert_eq!(
             refused.to_string(),
-            "window: found sliding with mains = 50, expected mains = off, since flicker is removed from bursts alone"
+            "window = sliding with mains = 50, expected mains = off, since flicker is removed from bursts alone"
         );
     }
 }
