@@ -140,9 +140,9 @@ impl Inspector {
             count += 1;
         }
         let rest = &indices[..count];
-        // If most frames are called wrong, the others may be the wrong ones; so may they be if no comparison confirms a remaining frame
-        // that contradicts a wrong one.
-        self.is_uncertain |= 2 * count < frames.len();
+        // If half of the frames or more are called wrong, the others may be the wrong ones; so may they be if no comparison confirms a
+        // remaining frame that contradicts a wrong one.
+        self.is_uncertain |= 2 * count <= frames.len();
         self.is_uncertain |= rest.windows(2).any(|pair| verdicts.differ(pair[0], pair[1]));
         self.is_uncertain |= rest.iter().any(|index| judged[*index] == Judgement::Doubtful);
         let is_unconfirmed =

@@ -201,6 +201,29 @@ fn swapped_frames_of_a_dark_scene_make_the_burst_uncertain() {
     assert!(inspector.is_uncertain());
 }
 
+/// Without a third exposure, the frame that remains may be the wrong one: in a swapped burst, the sound frame looks black.
+#[test]
+fn a_burst_of_two_exposures_with_a_false_frame_is_uncertain() {
+    let times = [0.000926, 0.033333];
+    for level in [3.0, 30.0] {
+        let lit = move |x: usize, y: usize| level * dim(x, y);
+        let mut inspector = dark_inspector(&times);
+        for _ in 0..8 {
+            inspector.inspect(&dark_burst(&times, lit));
+        }
+        assert!(!inspector.is_uncertain(), "sound bursts at level {level}");
+        let mut burst = dark_burst(&times, lit);
+        let (first, rest) = burst.frames.split_at_mut(1);
+        std::mem::swap(&mut first[0].pixels, &mut rest[0].pixels);
+        inspector.inspect(&burst);
+        assert!(inspector.is_uncertain(), "swapped at level {level}");
+        let mut burst = dark_burst(&times, lit);
+        burst.frames[1] = dark(times[1], 0.0, lit);
+        assert_eq!(faults(&mut inspector, &burst), [(1, FrameFault::Black)], "black at level {level}");
+        assert!(inspector.is_uncertain(), "black at level {level}");
+    }
+}
+
 #[test]
 fn light_that_changes_in_all_exposures_of_a_dark_scene_is_no_fault() {
     let mut inspector = dark_inspector(&TIMES);
