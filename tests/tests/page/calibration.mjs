@@ -159,8 +159,13 @@ export async function response(browser, url) {
   for (const step of [10, 20, 30]) await touch("touchMove", { x: x + step, y });
   await touch("touchEnd");
   await until("it was dragged", async () => (await get(page)).circle?.centre[0] > found.centre[0] + 5);
-  await page.tap("#cal-undo");
-  await until("taken back", async () => Math.abs((await get(page)).circle.centre[0] - found.centre[0]) < 0.01);
+  // A tap has no effect while the page waits for the answer to the drag.
+  await until("taken back", async () => {
+    if (Math.abs((await get(page)).circle.centre[0] - found.centre[0]) < 0.01) return true;
+    await page.tap("#cal-undo");
+    await page.waitForTimeout(2000);
+    return false;
+  });
   await page.tap("label:has(> [name=cal-part][value=response])");
   await page.tap("#cal-response");
   await until("a response", async () => (await text(page, "#cal-result")).includes("within") || await text(page, "#cal-error"));
