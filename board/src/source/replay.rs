@@ -64,38 +64,20 @@ impl ReplaySource {
         }
         let none = || RecordedError::new(folder, "no bursts", "at least one");
         let calibration = camera.ok_or_else(none)?;
-        let intervals = intervals(&bursts, pace);
-        let phases = phases(&bursts, &intervals);
-        Ok(Self {
-            calibration,
-            bursts,
-            notes,
-            intervals,
-            phases,
-            at: 0,
-            is_sliding: false,
-            frame: 0,
-            due: None,
-        })
+        Ok(Self::new(calibration, bursts, notes, pace))
     }
 
     /// Creates a source that repeats `bursts` of the camera `calibration` at `pace`; `None` without bursts.
     #[must_use]
     pub fn of_bursts(calibration: Calibration, bursts: Vec<Burst>, pace: Pace) -> Option<Self> {
+        (!bursts.is_empty()).then(|| Self::new(calibration, bursts, Vec::new(), pace))
+    }
+
+    /// Creates a source that begins with the first of `bursts`, of which there is at least one.
+    fn new(calibration: Calibration, bursts: Vec<Burst>, notes: Vec<String>, pace: Pace) -> Self {
         let intervals = intervals(&bursts, pace);
         let phases = phases(&bursts, &intervals);
-        let notes = Vec::new();
-        (!bursts.is_empty()).then_some(Self {
-            calibration,
-            bursts,
-            notes,
-            intervals,
-            phases,
-            at: 0,
-            is_sliding: false,
-            frame: 0,
-            due: None,
-        })
+        Self { calibration, bursts, notes, intervals, phases, at: 0, is_sliding: false, frame: 0, due: None }
     }
 
     /// Returns the number of bursts of the recording.

@@ -137,10 +137,10 @@ impl Source for SceneSource {
         let number = self.beat.due()?;
         let is_same = burst.frames.iter().map(|frame| frame.exposure).eq(self.exposures.iter().copied());
         make_room(burst, &self.exposures);
-        if !(self.is_sliding && is_same) {
-            burst.stale = 0;
-        } else {
+        if self.is_sliding && is_same {
             burst.renew(number as usize % self.exposures.len().max(1));
+        } else {
+            burst.stale = 0;
         }
         burst.before_ns = clock::monotonic_ns();
         self.render(number, burst);
