@@ -124,6 +124,21 @@ fn a_lens_file_with_a_crop_is_converted_to_the_mode_or_refused() {
     assert!(line.contains("expected a crop that is size times binning"), "{line}");
 }
 
+#[test]
+fn the_noise_of_the_lens_file_is_the_noise_of_the_camera() {
+    let noise = |sensor: &str| {
+        let file = tempfile::NamedTempFile::new().expect("a file");
+        let lens = "[lens]\nmodel = \"equidistant\"\nsize = [64, 48]\ncentre = [31.5, 23.5]\nfocal = [15.0, 15.0]\n\
+                    max_angle_deg = 85.0\n";
+        std::fs::write(file.path(), format!("{lens}{sensor}")).expect("written");
+        let spec = spec(&format!(",lens={}", file.path().display()));
+        CameraSource::open(Box::new(FakeKernel::new(Script::default())), &spec).expect("a source").noise()
+    };
+    let stated = "[sensor]\nblack = 4.0\nread_noise = 1.5\ncodes_per_electron = 0.03\n";
+    assert_eq!(noise(stated), Some(Noise { read: 1.5, gain: 0.03, dark: 4.0 }));
+    assert_eq!(noise(""), None, "without a statement");
+}
+
 /// A lens file for 1280 x 720 pixels applies to the decoded pictures of 640 x 360.
 #[test]
 fn a_lens_is_scaled_with_the_jpeg_pictures() {
