@@ -24,12 +24,17 @@ export async function settings(browser, url) {
   await act("tolerance", fill(0.3), async () => await count() < 20);
   await act("tolerance", fill(""), async () => await count() === 20);
   await act("ambient", s => page.check(s), async () => "ambient_sh" in await json(page, "/v1/lights?ambient=own"));
-  // The radii of later sets are compared with those of a set without ambient light.
   await act("ambient", s => page.uncheck(s), async () => !("ambient_sh" in await json(page, "/v1/lights?ambient=own")));
-  const radii = async () => (await set()).lights.reduce((sum, light) => sum + light.radius_deg, 0);
-  const hard = await radii();
-  await act("soft", s => page.check(s), async () => Math.abs(await radii() / hard - 1) > 0.01);
-  await act("soft", s => page.uncheck(s), async () => Math.abs(await radii() / hard - 1) < 0.01);
+  // The lamp moves, so that only sets of one frame can be compared.
+  const fits = wanted => page.evaluate(async wanted => {
+    const get = async query => (await fetch(`/v1/lights?${query}`)).json(), after = `after=${(await get("")).frame}`;
+    const [own, points, discs] = await Promise.all([get(after), get(`soft=0&${after}`), get(`soft=1&${after}`)]);
+    if (own.frame !== points.frame || own.frame !== discs.frame) return false;
+    const alike = other => JSON.stringify(other.lights) === JSON.stringify(own.lights);
+    return alike(points) === (wanted === "points") && alike(discs) === (wanted === "discs");
+  }, wanted);
+  await act("soft", s => page.check(s), () => fits("discs"));
+  await act("soft", s => page.uncheck(s), () => fits("points"));
   const dark = await level();
   await act("extrapolation", choose("average"), async () => await level() > 1.02 * dark);
   await act("tiers", fill(7), async () => (await json(page, "/v1/status")).tiers.most === 7);
