@@ -1,6 +1,7 @@
 //! The JavaScript modules for clients and the OpenAPI document.
 
-use super::files::File;
+use super::files::{File, packed_text};
+use super::packed;
 use crate::probe::settings;
 use axum::http::HeaderMap;
 use axum::response::Response;
@@ -8,8 +9,8 @@ use std::sync::LazyLock;
 
 const JAVASCRIPT: &str = "text/javascript; charset=utf-8";
 
-static CLIENT: File = File::new(JAVASCRIPT, include_str!("client.js"));
-static THREE: File = File::new(JAVASCRIPT, include_str!("three.js"));
+static CLIENT: File = File::packed(JAVASCRIPT, packed_text!("client.js"));
+static THREE: File = File::packed(JAVASCRIPT, packed_text!("three.js"));
 static DESCRIPTION: LazyLock<File> = LazyLock::new(|| File::new("application/json", &OPENAPI));
 
 /// Answers with the JavaScript client for web pages.
@@ -29,7 +30,7 @@ pub(super) async fn openapi(headers: HeaderMap) -> Response {
 
 /// The text of `openapi.json`, in which the settings of the probe replace two markers.
 pub(super) static OPENAPI: LazyLock<String> = LazyLock::new(|| {
-    include_str!("openapi.json")
+    packed::text(packed_text!("openapi.json"))
         .replace("[\"SETTINGS\"]", &settings::parameters().to_string())
         .replace("{\"SETTINGS\": {}}", &settings::properties().to_string())
 });

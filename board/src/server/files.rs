@@ -1,5 +1,4 @@
-//! Files that are compiled into the program: compressed once, and sent to a client again only when they have
-//! changed.
+//! Text files that are compiled into the program as gzip files, and sent to a client again only when they have changed.
 
 use super::packed;
 use axum::body::Bytes;
@@ -8,43 +7,47 @@ use axum::http::header::{
 };
 use axum::http::{HeaderMap, HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
-use std::hash::{DefaultHasher, Hasher};
-use std::sync::OnceLock;
 
-/// A text file that is compiled into the program.
+/// Returns the gzip file of the text with the given name, which `build.rs` writes.
+macro_rules! packed_text {
+    ($name:literal) => {
+        include_bytes!(concat!(env!("OUT_DIR"), "/", $name, ".gz"))
+    };
+}
+pub(super) use packed_text;
+
+/// A text file of the program.
 pub(super) struct File {
     kind: &'static str,
-    text: &'static str,
-    packed: OnceLock<Packed>,
-}
-
-/// The compressed bytes and the entity tag of a file, computed at the file's first request.
-struct Packed {
     gzip: Bytes,
-    tag: HeaderValue,
 }
 
 impl File {
-    /// Creates a file with the contents `text` and the content type `kind`.
-    pub(super) const fn new(kind: &'static str, text: &'static str) -> Self {
-        Self { kind, text, packed: OnceLock::new() }
+    /// Creates a file of the content type `kind` from its text.
+    pub(super) fn new(kind: &'static str, text: &str) -> Self {
+        Self { kind, gzip: packed::file(text.as_bytes()).into() }
+    }
+
+    /// Creates a file of the content type `kind` from its text as a gzip file.
+    pub(super) const fn packed(kind: &'static str, gzip: &'static [u8]) -> Self {
+        Self { kind, gzip: Bytes::from_static(gzip) }
     }
 
     /// Answers with the file, or with status 304 where `headers` contain the file's tag. Browsers ask for the file each time, since it
     /// changes with the program.
     pub(super) fn answer(&self, headers: &HeaderMap) -> Response {
-        let Packed { gzip, tag } = self.packed.get_or_init(|| pack(self.text));
+        let tag = self.tag();
         let known = headers.get_all(IF_NONE_MATCH).iter().filter_map(|v| v.to_str().ok());
         let is_known = known.flat_map(|v| v.split(',')).any(|one| one.trim().as_bytes() == tag.as_bytes());
         let accepts = accepts_gzip(headers);
         let mut response = match (is_known, accepts) {
             (true, _) => StatusCode::NOT_MODIFIED.into_response(),
-            (false, true) => gzip.clone().into_response(),
-            (false, false) => self.text.into_response(),
+            (false, true) => self.gzip.clone().into_response(),
+            (false, false) => packed::text(&self.gzip).into_response(),
         };
         let head = response.headers_mut();
         head.insert(CACHE_CONTROL, HeaderValue::from_static("no-cache"));
-        head.insert(ETAG, tag.clone());
+        head.insert(ETAG, tag);
         head.insert(VARY, HeaderValue::from_static("accept-encoding"));
         if !is_known {
             head.insert(CONTENT_TYPE, HeaderValue::from_static(self.kind));
@@ -54,15 +57,13 @@ impl File {
         }
         response
     }
-}
 
-fn pack(text: &str) -> Packed {
-    let mut hasher = DefaultHasher::new();
-    hasher.write(text.as_bytes());
-    // The tag is weak: it is the same for the compressed and the uncompressed file.
-    let tag = HeaderValue::from_str(&format!("W/\"{:016x}\"", hasher.finish()));
-    let tag = tag.unwrap_or(HeaderValue::from_static("W/\"\""));
-    Packed { gzip: packed::file(text.as_bytes()).into(), tag }
+    /// Returns the entity tag: the last eight bytes of the gzip file, the check sum and the length of the text. The tag is weak, since it is
+    /// the same for the compressed and the uncompressed file.
+    fn tag(&self) -> HeaderValue {
+        let end = self.gzip.last_chunk().map_or(0, |bytes| u64::from_be_bytes(*bytes));
+        HeaderValue::from_str(&format!("W/\"{end:016x}\"")).unwrap_or(HeaderValue::from_static("W/\"\""))
+    }
 }
 
 /// Returns true if the headers of a request accept gzip.

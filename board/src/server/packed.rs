@@ -1,6 +1,8 @@
 //! Gzip compression of files of the page, and of streams whose parts are compressed once for all clients.
 
+use flate2::read::GzDecoder;
 use flate2::{Compress, Compression, FlushCompress};
+use std::io::Read;
 
 /// The gzip header of a stream, without file name, time and operating system of the origin.
 pub(super) const STREAM_HEAD: [u8; 10] = [0x1f, 0x8b, 8, 0, 0, 0, 0, 0, 0, 255];
@@ -22,6 +24,14 @@ pub(super) fn file(bytes: &[u8]) -> Vec<u8> {
     file
 }
 
+/// Returns the text of a gzip file that is compiled into the program.
+pub(super) fn text(file: &[u8]) -> String {
+    let mut text = String::new();
+    // A file of the program cannot be damaged.
+    let _ = GzDecoder::new(file).read_to_string(&mut text);
+    text
+}
+
 fn deflate(bytes: &[u8], level: Compression, flush: FlushCompress) -> Vec<u8> {
     let mut state = Compress::new(level, false);
     let mut out = Vec::with_capacity(bytes.len() / 2 + 64);
@@ -40,8 +50,7 @@ fn deflate(bytes: &[u8], level: Compression, flush: FlushCompress) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use flate2::read::{DeflateDecoder, GzDecoder};
-    use std::io::Read;
+    use flate2::read::DeflateDecoder;
 
     #[test]
     fn a_file_is_read_back_by_any_gzip_reader() {

@@ -1,6 +1,6 @@
 //! The page: text files that are compiled into the program. `app.js` is the entry point of the scripts.
 
-use super::files::File;
+use super::files::{File, packed_text};
 use super::line;
 use axum::extract::Path;
 use axum::http::{HeaderMap, StatusCode};
@@ -13,10 +13,10 @@ const SVG: &str = "image/svg+xml";
 
 /// Declares the files of the page by name, each with its content type.
 macro_rules! files {
-    ($($name:literal: $kind:expr),* $(,)?) => { [$(($name, File::new($kind, include_str!($name)))),*] };
+    ($($name:literal: $kind:expr),* $(,)?) => { [$(($name, File::packed($kind, packed_text!($name)))),*] };
 }
 
-static INDEX: File = File::new(HTML, include_str!("index.html"));
+static INDEX: File = File::packed(HTML, packed_text!("index.html"));
 
 static FILES: [(&str, File); 26] = files! {
     "style.css": CSS,

@@ -31,6 +31,18 @@ async fn files_are_equal_with_and_without_compression_and_cached_by_tag() {
     }
 }
 
+#[tokio::test]
+async fn texts_are_those_of_the_source_folder() {
+    let probe = probe(usize::MAX);
+    let app = routes(&probe);
+    let files = ["index.html", "app.js", "style.css", "icon.svg"].map(|name| format!("page/{name}"));
+    for name in files.into_iter().chain(["client.js", "three.js"].map(String::from)) {
+        let path = if name == "page/index.html" { "/".into() } else { format!("/{name}") };
+        let source = std::fs::read(format!("{}/src/server/{name}", env!("CARGO_MANIFEST_DIR")));
+        assert_eq!(fetch(&app, "GET", &path, &[], "").await.body, source.expect("the source"), "{path}");
+    }
+}
+
 /// Reads `response` until `count` sets have arrived; each part is decoded on arrival.
 async fn streamed(response: Response, count: usize) -> (usize, String) {
     let mut body = response.into_body().into_data_stream();
