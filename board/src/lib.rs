@@ -3,6 +3,8 @@
 //! Data flow: [`source`] (bursts of a camera, a scene or a recording) -> [`pipeline`] (the core's stages with memory from the heap) -> `probe`
 //! (the thread that runs the pipeline) -> `server`. `client` is the Rust client for renderers; it uses no other module.
 
+#[cfg(feature = "server")]
+pub mod allocator;
 #[cfg(feature = "mdns")]
 pub mod announce;
 #[cfg(feature = "calibrate")]

@@ -5,8 +5,7 @@ use std::panic::PanicHookInfo;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    #[cfg(target_env = "gnu")]
-    return_large_blocks();
+    hemilux::allocator::return_large_blocks();
     std::panic::set_hook(Box::new(tell_panic));
     match hemilux::cli::run(std::env::args_os()) {
         Ok(()) => ExitCode::SUCCESS,
@@ -15,16 +14,6 @@ fn main() -> ExitCode {
             ExitCode::from(failure.status)
         }
     }
-}
-
-/// Makes the allocator return blocks of 256 KB and more, such as answers of thousands of lights, to the system when they are freed. By
-/// default, glibc raises its threshold M_MMAP_THRESHOLD to the size of the largest freed block and keeps freed blocks below the threshold:
-/// with sets of 50,000 lights, the program keeps 14 MB.
-#[cfg(target_env = "gnu")]
-#[allow(unsafe_code, reason = "the option has no safe wrapper")]
-fn return_large_blocks() {
-    // SAFETY: `mallopt` may be called at any time; it takes and returns integers.
-    unsafe { libc::mallopt(libc::M_MMAP_THRESHOLD, 256 << 10) };
 }
 
 /// Prints a panic as one line on stderr.

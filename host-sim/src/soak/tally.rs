@@ -7,7 +7,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Number of newest published sets whose fluxes are stored for comparison with replies.
-const KEPT: usize = 1 << 16;
+const KEPT: usize = 1 << 14;
 
 /// Longest wait of [`Tally::check`] for the publication of a set that a client has received.
 const LONGEST_WAIT: Duration = Duration::from_secs(2);
@@ -79,6 +79,8 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 impl Tally {
     pub fn new() -> Self {
+        // An entry that is not zero makes the memory resident from the start.
+        let unused = Published { timestamp_ns: u64::MAX, ..Published::default() };
         Self {
             over: AtomicBool::new(false),
             replies: AtomicU64::new(0),
@@ -89,7 +91,7 @@ impl Tally {
             changes: AtomicU64::new(0),
             rude: AtomicU64::new(0),
             worst_us: AtomicU64::new(0),
-            published: Mutex::new(Newest { frames: 0, sets: vec![Published::default(); KEPT] }),
+            published: Mutex::new(Newest { frames: 0, sets: vec![unused; KEPT] }),
             words: Mutex::default(),
             changed: Mutex::default(),
         }
