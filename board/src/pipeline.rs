@@ -3,6 +3,7 @@
 //! All memory is allocated when the pipeline is made or the exposures of its bursts change; processing a burst allocates nothing. The polar
 //! map is allocated when a sampler or a picture needs it first.
 
+mod inspection;
 mod parts;
 mod processed;
 mod settings;
@@ -18,7 +19,7 @@ use hemilux_core::mains::{Cell, Flicker, Mains};
 use hemilux_core::polar::LatLongView;
 use hemilux_core::pyramid::Quad;
 use hemilux_core::sampler::Timer;
-use hemilux_core::wire::{FrameFault, FramesLeftOut};
+use hemilux_core::wire::FramesLeftOut;
 use hemilux_core::{
     Coverage, Domain, Exposure, FrontEnd, FrontError, MAX_EXPOSURES, Map, Request, Sampler, Samples,
 };
@@ -30,9 +31,6 @@ pub use processed::{Processed, Sampled};
 pub use settings::{PipelineError, Settings};
 pub use times::Times;
 pub use window_mode::{WINDOWS, WindowMode};
-
-/// Largest number of consecutive bursts that are not merged; the pipeline returns the lights of the last merged burst in their place.
-const MOST_HELD: u32 = 4;
 
 /// A hemisphere map and the sampler that computes lights from it.
 pub struct Pipeline {
@@ -155,25 +153,6 @@ impl Pipeline {
         let began = Instant::now();
         let left_out = self.inspect(burst);
         self.process_kept(burst, left_out, began)
-    }
-
-    /// Returns the frames of the next burst that must not be merged: those that contradict the others. All frames are left out if the
-    /// shortest exposure is wrong, which alone measures the brightest lights, or if the wrong frames cannot be identified. These bursts are
-    /// merged nevertheless if there is no map yet or if the four bursts before were left out as well. In [`WindowMode::Sliding`], a wrong
-    /// shortest exposure leaves out no other frame.
-    pub fn inspect(&mut self, burst: &Burst) -> FramesLeftOut {
-        let mut found = self.inspector.inspect(burst);
-        // A sliding window stores an earlier frame of the shortest exposure.
-        let needs_shortest = self.settings.window == WindowMode::Burst;
-        let is_doubtful = (needs_shortest && found.contains(0)) || self.inspector.is_uncertain();
-        let holds = is_doubtful && self.was_seen && self.doubtful < MOST_HELD;
-        self.doubtful = if is_doubtful { self.doubtful.saturating_add(1) } else { 0 };
-        for index in (0..burst.frames.len()).filter(|_| holds) {
-            if !found.contains(index) {
-                found.insert(index, FrameFault::Incomplete);
-            }
-        }
-        found
     }
 
     /// Processes one burst without the frames `frames_left_out`; if these are all frames, the map of the burst before is sampled again. The
@@ -404,6 +383,7 @@ mod tests {
     use crate::scene;
     use crate::source::{Pace, SceneSource, Source};
     use hemilux_core::SamplerKind;
+    use hemilux_core::wire::FrameFault;
 
     #[test]
     fn the_shortest_and_the_longest_exposure_are_always_read() {

@@ -3,8 +3,8 @@
 //!
 //! Where the scene changes, the sum of a row changes by one factor in all exposures; in a false frame, the sum changes by another factor
 //! than in the frame of the next exposure. Samples that [`Comparison`](super::compare::Comparison) judges are not part of the sums. A frame
-//! whose neighbours in exposure are too dark even for sums is judged by its own change alone: if the change is of the kind of a false
-//! frame, the frame is doubtful for one burst.
+//! whose neighbours in exposure are too dark even for sums, or whose exposure no frame of the burst before has, is judged by its own change
+//! alone: if the change is of the kind of a false frame, the frame is doubtful until [`Recent`](super::recent::Recent) finds it repeated.
 
 use super::history::KNOWN;
 use super::jump::{ENOUGH_ROWS, JUMP, Usual, measured};
@@ -31,7 +31,8 @@ pub(super) enum Judgement {
     Sound,
     /// The light of the frame changes otherwise than in the neighbouring exposures.
     False(FrameFault),
-    /// The light of the frame changes as in a false frame, and no other frame is bright enough for a comparison.
+    /// The light of the frame changes as in a false frame, or its stated exposure is an unexpected one, and no other frame is bright enough
+    /// for a comparison.
     Doubtful,
 }
 
@@ -49,10 +50,12 @@ pub(super) struct Seen<'a> {
 #[derive(Debug)]
 pub(super) struct Levels {
     /// Least mean relative exposure of the dark samples of a measured row, 0 to 1.
-    floor: f32,
+    pub floor: f32,
     /// Relative exposure from which samples are compared one by one, 0 to 1.
     least: f32,
     before: Vec<Before>,
+    /// Exposure times gain of each frame of a whole burst, seconds; none if the source does not state them.
+    expected: Vec<f64>,
     /// Memory for the entries of `before` that [`Levels::keep`] makes from the present burst.
     next: Vec<Before>,
     /// Usual difference between the change of each frame and the change of the frame of the next longer exposure, by the index of the
@@ -69,7 +72,6 @@ pub(super) struct Levels {
 struct Before {
     light: f64,
     sampled: Sampled,
-    is_doubted: bool,
 }
 
 /// A frame of the present burst and the frame of the same exposure in the burst before.
@@ -91,11 +93,18 @@ impl Levels {
             floor: code.max(1.0 / 16384.0),
             least,
             before: entries(),
+            expected: Vec::with_capacity(MAX_EXPOSURES),
             next: entries(),
             apart,
             own,
             bursts: 0,
         }
+    }
+
+    /// Sets the exposures, times gain, of the frames of the next whole bursts, seconds.
+    pub fn expect(&mut self, lights: impl Iterator<Item = f64>) {
+        self.expected.clear();
+        self.expected.extend(lights.take(MAX_EXPOSURES));
     }
 
     /// Judges the frames of a burst; `agrees` returns true for the frames that a comparison of single samples confirms.
@@ -119,27 +128,35 @@ impl Levels {
 
     /// Judges the frame `index` by its own change since the burst before.
     fn judge_alone(&mut self, seen: &Seen<'_>, index: usize) -> Judgement {
-        let slot = self.counterpart(seen.lights, index);
-        let is_doubted = self.before[slot].is_doubted;
         let rows = self.alone(self.known(seen, index));
         let changes = rows.map(|row| row.filter(|change| !change.is_dark()).map(Change::least));
         let is_dark = measured(&changes) < ENOUGH_ROWS;
         match self.own[index].judge(&changes, measured(&rows), self.bursts > KNOWN) {
-            Some(Some(_)) if !is_doubted => Judgement::Doubtful,
-            Some(Some(_)) => Judgement::Sound,
+            Some(Some(_)) => Judgement::Doubtful,
+            _ if self.is_mislabelled(seen.lights, index) => Judgement::Doubtful,
             Some(None) if !is_dark => Judgement::Sound,
-            _ if self.is_alone_in_exposure(seen.lights, index) && !is_doubted => Judgement::Doubtful,
+            Some(None) if !self.is_known(seen.lights[index]) => Judgement::Doubtful,
             _ => Judgement::Unknown,
         }
     }
 
-    /// Returns true if the frame `index` is the only one whose stated exposure differs from all exposures of the burst before.
-    fn is_alone_in_exposure(&self, lights: &[f64], index: usize) -> bool {
-        let is_new =
-            |light: &f64| !self.before.iter().any(|before| (before.light / light - 1.0).abs() < SAME_LIGHT);
-        lights.len() == self.before.len()
-            && is_new(&lights[index])
-            && lights.iter().filter(|l| is_new(l)).count() == 1
+    /// Returns true if a frame of the burst before has the exposure `light`.
+    fn is_known(&self, light: f64) -> bool {
+        self.before.iter().any(|before| is_same(before.light, light))
+    }
+
+    /// Returns true if the frame `index` is the only one with an unexpected exposure: one that differs from all exposures that the source
+    /// states or, if it states none, from those of the burst before.
+    fn is_mislabelled(&self, lights: &[f64], index: usize) -> bool {
+        let (expected, before) = (&self.expected, &self.before);
+        let is_odd = |light: &f64| {
+            if expected.is_empty() {
+                lights.len() == before.len() && !self.is_known(*light)
+            } else {
+                !expected.iter().any(|expected| is_same(*expected, *light))
+            }
+        };
+        is_odd(&lights[index]) && lights.iter().filter(|light| is_odd(light)).count() == 1
     }
 
     /// Compares the changes of two frames of neighbouring exposure and writes the judgements of both to `judged`.
@@ -150,8 +167,10 @@ impl Levels {
         let found = self.apart[pair[0]].judge(&differences, measured(&rows), self.bursts > KNOWN);
         let Some(found) = found else { return };
         let Some(jump) = found else {
+            // The changes are those of the light only if both exposures are as before.
+            let is_known = pair.iter().all(|index| self.is_known(seen.lights[*index]));
             let is_dark = measured(&differences) < ENOUGH_ROWS;
-            for index in pair.into_iter().filter(|_| !is_dark) {
+            for index in pair.into_iter().filter(|_| is_known && !is_dark) {
                 if judged[index] == Judgement::Unknown {
                     judged[index] = Judgement::Sound;
                 }
@@ -168,28 +187,35 @@ impl Levels {
         }
     }
 
-    /// Stores the frames of a burst for the comparison with the next burst; for frames that are not sound, the earlier frame stays stored.
-    pub fn keep(
-        &mut self,
-        seen: &Seen<'_>,
-        is_sound: impl Fn(usize) -> bool,
-        is_doubted: impl Fn(usize) -> bool,
-    ) {
+    /// Stores the frames of a burst for the comparison with the next burst; for frames that are not sound or that the burst lacks, the
+    /// earlier frame stays stored.
+    pub fn keep(&mut self, seen: &Seen<'_>, is_sound: impl Fn(usize) -> bool) {
+        if seen.lights.len() < self.expected.len() && self.before.len() == self.expected.len() {
+            return self.keep_part(seen, is_sound);
+        }
         self.next.truncate(seen.lights.len());
         for (index, (light, sampled)) in seen.lights.iter().zip(seen.sampled).enumerate() {
             let slot = self.counterpart(seen.lights, index);
             let kept = self.before.get(slot).filter(|_| !is_sound(index));
             let (light, sampled) = kept.map_or((*light, sampled), |before| (before.light, &before.sampled));
-            let is_doubted = is_doubted(index);
             match self.next.get_mut(index) {
                 Some(next) => {
-                    (next.light, next.is_doubted) = (light, is_doubted);
+                    next.light = light;
                     next.sampled.copy_from(sampled);
                 }
-                None => self.next.push(Before { light, sampled: sampled.clone(), is_doubted }),
+                None => self.next.push(Before { light, sampled: sampled.clone() }),
             }
         }
         std::mem::swap(&mut self.before, &mut self.next);
+    }
+
+    /// Stores the sound frames of a burst that lacks frames.
+    fn keep_part(&mut self, seen: &Seen<'_>, is_sound: impl Fn(usize) -> bool) {
+        let frames = seen.lights.iter().zip(seen.sampled).enumerate().filter(|(index, _)| is_sound(*index));
+        for (_, (light, sampled)) in frames {
+            let slot = self.before.iter_mut().find(|before| is_same(before.light, *light));
+            slot.into_iter().for_each(|before| before.sampled.copy_from(sampled));
+        }
     }
 
     /// Returns the index of the stored frame of the same exposure; of the nearest exposure if the burst before had another number of
@@ -246,6 +272,11 @@ impl Levels {
         }
         rows
     }
+}
+
+/// Returns true if two exposures are equal.
+pub(super) fn is_same(a: f64, b: f64) -> bool {
+    (a / b - 1.0).abs() < SAME_LIGHT
 }
 
 impl<'a> Known<'a> {

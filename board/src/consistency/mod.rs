@@ -9,6 +9,7 @@ mod compare;
 mod history;
 mod jump;
 mod levels;
+mod recent;
 mod samples;
 #[cfg(test)]
 mod tests;
@@ -17,9 +18,10 @@ use crate::calibration::{Burst, Calibration, Frame};
 use crate::recorded::RecordedBurst;
 use compare::{Comparison, Scratch};
 use hemilux_core::wire::{FrameFault, FramesLeftOut};
-use hemilux_core::{MAX_EXPOSURES, ResponseError};
+use hemilux_core::{Exposure, MAX_EXPOSURES, ResponseError};
 use history::History;
 use levels::{Judgement, Levels, Seen};
+use recent::Recent;
 use samples::{Grid, Sampled};
 
 /// Largest number of pairs of frames of a burst that are compared: each frame with the frames of the next and of the second next longer
@@ -36,6 +38,7 @@ pub struct Inspector {
     history: [History; MAX_EXPOSURES],
     /// Comparison of the row sums of samples that are too dark for a comparison one by one.
     levels: Levels,
+    recent: Recent,
     is_uncertain: bool,
 }
 
@@ -65,7 +68,12 @@ impl Inspector {
         frames.resize_with(exposures.min(MAX_EXPOSURES), || grid.empty());
         let scratch = Scratch::with_capacity(grid.len());
         let (history, levels) = ([History::default(); MAX_EXPOSURES], Levels::new(grid.code, grid.least));
-        Ok(Self { grid, frames, scratch, history, levels, is_uncertain: false })
+        Ok(Self { grid, frames, scratch, history, levels, recent: Recent::default(), is_uncertain: false })
+    }
+
+    /// Sets the exposures of the frames of the next whole bursts: one frame of another exposure is then in doubt if no comparison confirms it.
+    pub fn expect(&mut self, exposures: &[Exposure]) {
+        self.levels.expect(exposures.iter().map(|exposure| exposure.seconds * exposure.gain));
     }
 
     /// Returns the memory of the inspector on the heap, bytes.
@@ -144,12 +152,13 @@ impl Inspector {
         // remaining frame that contradicts a wrong one.
         self.is_uncertain |= 2 * count <= frames.len();
         self.is_uncertain |= rest.windows(2).any(|pair| verdicts.differ(pair[0], pair[1]));
-        self.is_uncertain |= rest.iter().any(|index| judged[*index] == Judgement::Doubtful);
+        let is_repeated = self.recent.repeats(&seen, self.levels.floor);
+        let is_doubtful = |index: usize| !is_repeated && judged[index] == Judgement::Doubtful;
+        self.is_uncertain |= rest.iter().any(|index| is_doubtful(*index));
         let is_unconfirmed =
             |index: &usize| judged[*index] == Judgement::Unknown && !verdicts.agree(*index, rest);
         self.is_uncertain |= !left_out.is_empty() && rest.iter().any(is_unconfirmed);
-        let is_sound = |index: usize| rest.contains(&index) && judged[index] != Judgement::Doubtful;
-        self.levels.keep(&seen, is_sound, |index| judged[index] == Judgement::Doubtful);
+        self.levels.keep(&seen, |index| rest.contains(&index) && !is_doubtful(index));
     }
 
     /// Compares the frames of neighbouring exposures and adds the results to the history; if they do not all agree, also compares the
@@ -183,13 +192,13 @@ impl Inspector {
 
 /// Returns the verdicts of the comparison `seen` on its shorter and on its longer exposure.
 fn verdict(seen: &Comparison, history: &mut History) -> [Verdict; 2] {
-    let shared = match history.judge(seen) {
-        Some(fault) => Verdict::Differs(fault),
-        None => match seen.log_ratio {
-            Some(log_ratio) if history.is_plausible(log_ratio) => Verdict::Agrees,
-            Some(_) => Verdict::Doubtful,
-            None => Verdict::Unknown,
-        },
+    // The history, to which this burst is added, does not confirm the burst itself.
+    let is_plausible = seen.log_ratio.map(|log_ratio| history.is_plausible(log_ratio));
+    let shared = match (history.judge(seen), is_plausible) {
+        (Some(fault), _) => Verdict::Differs(fault),
+        (None, Some(true)) => Verdict::Agrees,
+        (None, Some(false)) => Verdict::Doubtful,
+        (None, None) => Verdict::Unknown,
     };
     seen.level_faults().map(|fault| fault.map_or(shared, Verdict::Is))
 }

@@ -237,12 +237,59 @@ fn light_that_changes_in_all_exposures_of_a_dark_scene_is_no_fault() {
 }
 
 #[test]
-fn a_change_that_no_other_exposure_can_confirm_is_uncertain_for_one_burst() {
+fn a_change_that_no_other_exposure_can_confirm_is_uncertain_for_two_bursts() {
     let times = [0.0001, 0.036];
     let mut inspector = dark_inspector(&times);
-    for (burst, is_uncertain) in [true, false, false].into_iter().enumerate() {
+    for (burst, is_uncertain) in [true, true, false].into_iter().enumerate() {
         let lit = |x: usize, y: usize| 3.0 * dim(x, y);
         assert_eq!(faults(&mut inspector, &dark_burst(&times, lit)), [], "burst {burst}");
         assert_eq!(inspector.is_uncertain(), is_uncertain, "burst {burst}");
+    }
+}
+
+/// Faults are rarely alone where they are frequent: two black frames in a row are no change of the light.
+#[test]
+fn two_equal_false_bursts_of_a_dark_scene_are_uncertain() {
+    let times = [0.0001, 0.036];
+    let mut inspector = dark_inspector(&times);
+    for burst in 0..2 {
+        let mut black = dark_burst(&times, dim);
+        black.frames[1] = dark(times[1], 0.0, dim);
+        inspector.inspect(&black);
+        assert!(inspector.is_uncertain(), "black burst {burst}");
+    }
+    assert_eq!(faults(&mut inspector, &dark_burst(&times, dim)), [], "the burst after them");
+    assert!(!inspector.is_uncertain(), "the burst after them");
+}
+
+#[test]
+fn an_exposure_that_the_source_does_not_state_is_uncertain_until_it_repeats() {
+    for index in 0..2 {
+        let times = [0.0001, 0.036];
+        let mut inspector = dark_inspector(&times);
+        inspector.expect(&times.map(|seconds| Exposure { seconds, gain: 1.0 }));
+        for (burst, is_uncertain) in [true, true, false].into_iter().enumerate() {
+            let mut mislabelled = dark_burst(&times, dim);
+            mislabelled.frames[index].exposure.seconds *= 4.0;
+            inspector.inspect(&mislabelled);
+            assert_eq!(inspector.is_uncertain(), is_uncertain, "frame {index}, burst {burst}");
+        }
+    }
+}
+
+#[test]
+fn a_false_frame_in_the_first_burst_of_new_exposures_is_uncertain() {
+    let times = [0.0009, 0.036];
+    for fault in 0..3 {
+        let mut inspector = dark_inspector(&TIMES);
+        inspector.expect(&times.map(|seconds| Exposure { seconds, gain: 1.0 }));
+        let mut burst = dark_burst(&times, dim);
+        match fault {
+            0 => burst.frames[1] = dark(times[1], 0.0, dim),
+            1 => burst.frames[1] = dark(times[1], 1e6, dim),
+            _ => burst.frames[1].exposure.seconds *= 4.0,
+        }
+        inspector.inspect(&burst);
+        assert!(inspector.is_uncertain(), "fault {fault}");
     }
 }

@@ -123,9 +123,10 @@ impl Worker {
         }
         let outcome = self.source.next(&mut self.burst);
         let capture = began.elapsed();
+        let outcome = outcome.and_then(|()| self.check_complete());
         self.follow_requests();
         self.link.note_camera(&*self.source);
-        let outcome = outcome.and_then(|()| self.follow_camera()).and_then(|()| self.check_complete());
+        let outcome = outcome.and_then(|()| self.follow_camera());
         let outcome = outcome.and_then(|()| if self.is_left_out() { Ok(()) } else { self.process(capture) });
         match outcome {
             Ok(()) => self.recover(),
@@ -147,6 +148,7 @@ impl Worker {
         self.link.durations.start_frame(Instant::now());
         let name = self.config.pipeline.sampler.name();
         let requested = u32::try_from(self.config.pipeline.lights).unwrap_or(u32::MAX);
+        self.pipeline.expect_exposures(&self.nominal);
         let processed = self.pipeline.process(&self.burst);
         let mut processed = processed.map_err(|e| SourceError::Broken(e.to_string()))?;
         if self.config.slowdown > 1.0 {
@@ -257,7 +259,7 @@ impl Worker {
     }
 
     /// Refuses a burst that lacks the shortest exposure of the source, without which the brightest light is
-    /// clipped.
+    /// clipped. A request may change the exposures of the source thereafter, but not those of this burst.
     fn check_complete(&mut self) -> Result<(), SourceError> {
         let frames = &self.burst.frames;
         let first = frames.first().map_or(f64::INFINITY, Frame::light);
