@@ -14,7 +14,7 @@ use std::time::Duration;
 const GROWTH: f64 = 0.01;
 
 /// Largest growth in a run of fewer than [`LONG`] bursts, kB: a tenth of it is shorter than some cycles of the settings.
-const SHORT_GROWTH: f64 = 4096.0;
+const SHORT_GROWTH: f64 = 2048.0;
 
 /// Number of bursts from which the memory must be flat within [`GROWTH`].
 const LONG: u64 = 36_000;
