@@ -30,10 +30,10 @@ const FRONT: [f64; 2] = [4_960_269.0, 7_400_829.0];
 const PYRAMID: f64 = 2_195_753.0;
 
 /// Instructions of the sampler for a frame with 16 and with 64 lights, linear between and beyond.
-const SAMPLE: [f64; 2] = [600_000.0, 1_834_346.0];
+const SAMPLE: [f64; 2] = [486_147.0, 1_361_256.0];
 
 /// Instructions of all other stages for a frame, at any quality.
-const OTHER: f64 = 1_060_820.0;
+const OTHER: f64 = 1_094_249.0;
 
 /// Slowdowns of the chart: four for each doubling, 1 to 16.
 const CHARTED: i32 = 16;

@@ -119,7 +119,7 @@ fn committed() -> Vec<(String, String, usize, Vec<Option<f64>>)> {
     rows
 }
 
-/// README: the flicker of discs exceeds the flicker of points by at most 0.11 %, except in the scenario `rim`; in the scenarios of bursts under
+/// README: the flicker of discs exceeds the flicker of points by at most 0.12 %, except in the scenario `rim`; in the scenarios of bursts under
 /// flickering lamps, 64 lights flicker by at most 0.13 %.
 #[test]
 fn readme_figures_of_flicker_agree_with_the_committed_table() {
@@ -133,7 +133,7 @@ fn readme_figures_of_flicker_agree_with_the_committed_table() {
         let points = points.and_then(|(.., columns)| columns[FLICKER]).expect("a row of points");
         let discs = columns[SOFT_FLICKER].expect("a flicker of discs");
         let is_exception = (scenario.as_str(), sampler.as_str(), *lights) == ("rim", "adaptive+sh+soft", 16);
-        let most = if is_exception { 0.145 } else { 0.115 };
+        let most = if is_exception { 0.165 } else { 0.125 };
         assert!(discs - points < most, "{scenario} {sampler} {lights}: {discs} of discs, {points} of points");
         compared += 1;
     }

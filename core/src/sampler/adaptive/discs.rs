@@ -38,7 +38,7 @@ const SPREAD: f32 = 0.05;
 const PARTS: usize = 128;
 
 /// Least and largest number of parts into which the estimate divides one disc of a set with fitted weights.
-const EACH: (usize, usize) = (8, 32);
+const EACH: (usize, usize) = (8, 16);
 
 /// Number of parts below which the estimate does not divide a disc.
 const FEWEST_PARTS: usize = 4;
@@ -49,7 +49,7 @@ const GOLDEN: (f32, f32) = (-0.737_368_9, 0.675_490_3);
 /// Returns the number of steps by which the discs of a set of `lights` lights are moved: for more lights, a step gains less and costs more.
 fn steps(lights: usize) -> usize {
     match lights {
-        2..=16 => 4,
+        2..=16 => 3,
         17..=32 => 2,
         _ => 0,
     }
@@ -91,9 +91,7 @@ pub(super) fn importance(nodes: &Nodes<'_>, level: u8, index: u32, quad: &Quad) 
 pub(super) fn steer(fit: &mut Fit, sources: &[Source], lights: &mut [Light]) {
     let mut own = [[0.0; 3]; FITTED];
     own.iter_mut().zip(lights.iter()).for_each(|(own, light)| *own = light.irradiance);
-    for _ in 0..steps(lights.len()) {
-        fit.step_discs(sources, lights);
-    }
+    fit.move_discs(sources, lights, steps(lights.len()));
     lights.iter_mut().zip(own).for_each(|(light, own)| light.irradiance = own);
 }
 
@@ -154,9 +152,7 @@ mod tests {
         let light = Light { direction, irradiance: [1.0; 3], radius_deg: 17.0, ..Light::default() };
         let mut lights = [light, Light { direction: -Vec3::Z, irradiance: [0.0; 3], ..light }];
         let mut fit = Fit::new();
-        for _ in 0..20 {
-            fit.step_discs(&[source], &mut lights);
-        }
+        fit.move_discs(&[source], &mut lights, 20);
         assert!(lights[0].direction.distance(Vec3::Z) < 0.005, "{}", lights[0].direction);
     }
 }

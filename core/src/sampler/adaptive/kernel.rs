@@ -22,30 +22,6 @@ pub(super) fn kernel(squared: f32) -> f32 {
     KERNEL.iter().rev().fold(0.0, |sum, c| sum * h + c)
 }
 
-/// The kernel K at an angle, and its derivative with respect to the cosine of the angle.
-struct KernelAndSlope {
-    kernel: f32,
-    slope: f32,
-}
-
-/// Returns the kernel K and its derivative, which is constant below [`LEAST_ROOT`] and therefore finite.
-#[inline(always)]
-fn kernel_and_slope(squared: f32) -> KernelAndSlope {
-    let squared = squared.max(LEAST);
-    let per_root = coarse_inverse_root(squared);
-    let h = squared * per_root;
-    let (mut k, mut by_root) = (KERNEL[5], KERNEL[5]);
-    for c in [KERNEL[4], KERNEL[3], KERNEL[2], KERNEL[1]] {
-        k = k * h + c;
-        by_root = by_root * h + k;
-    }
-    // With x the cosine of the angle, h^2 = (1 - x) / 2.
-    KernelAndSlope { kernel: k * h + KERNEL[0], slope: by_root * (per_root.min(1.0 / LEAST_ROOT) * -0.25) }
-}
-
-/// Least sine of half an angle for which the derivative is computed; below it, the derivative is constant.
-const LEAST_ROOT: f32 = 1e-3;
-
 /// Returns the square root of `v` within 7e-4, at least that of [`LEAST`]: one Newton step with constants by Jan Kadlec (2010), which halve
 /// the error of the usual constants; a second step would double the cost of the fit.
 #[inline(always)]
@@ -54,13 +30,6 @@ fn coarse_root(v: f32) -> f32 {
     let bits = (v.to_bits() as i32).max(LEAST.to_bits() as i32) as u32;
     let (v, r) = (f32::from_bits(bits), f32::from_bits(0x5f1f_fff9 - (bits >> 1)));
     v * r * (0.703_952_3 * (2.389_244_6 - v * r * r))
-}
-
-/// Returns the reciprocal of the square root of a positive number, with a relative error of at most 7e-4.
-#[inline(always)]
-fn coarse_inverse_root(v: f32) -> f32 {
-    let r = f32::from_bits(0x5f1f_fff9u32.wrapping_sub(v.to_bits() >> 1));
-    r * (0.703_952_3 * (2.389_244_6 - v * r * r))
 }
 
 /// Smallest argument of the square root in the kernel: the squared sine of a millionth of a radian.
@@ -74,9 +43,9 @@ const SHRINK: f32 = 0.85;
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct MeanVector {
     /// Half of the mean vector of the point, disc or region.
-    half: Vec3,
+    pub(super) half: Vec3,
     /// Value of (1 - R^2) / 4 for the mean resultant length R.
-    spread: f32,
+    pub(super) spread: f32,
 }
 
 impl MeanVector {
@@ -142,11 +111,6 @@ impl Vectors {
         self.spreads[i] = vector.spread;
     }
 
-    /// Returns the mean vector of index `i`.
-    pub(super) fn get(&self, i: usize) -> MeanVector {
-        MeanVector { half: Vec3::from_array(self.halves.map(|axis| axis[i])), spread: self.spreads[i] }
-    }
-
     /// Writes to `out` the kernel K between `other` and each of the first mean vectors.
     pub(super) fn kernels(&self, other: &MeanVector, out: &mut [f32]) {
         let ([x, y, z], at) = (&self.halves, other.half);
@@ -154,62 +118,6 @@ impl Vectors {
             let (x, y, z) = (x - at.x, y - at.y, z - at.z);
             *out = kernel((x * x + y * y) + (z * z + (spread + other.spread)));
         }
-    }
-
-    /// Adds to `sums` the kernels and the pulls of energy `y` at `other`, for each of the first `n` vectors.
-    pub(super) fn add_up(&self, n: usize, other: &MeanVector, y: f32, sums: &mut KernelSums) {
-        let n = n.min(FITTED);
-        let (at, to) = (other.half, other.vector());
-        let [xs, ys, zs] = self.halves.each_ref().map(|axis| &axis[..n]);
-        let spreads = &self.spreads[..n];
-        let [px, py, pz] = sums.pulls.each_mut().map(|axis| &mut axis[..n]);
-        let kernels = &mut sums.kernels[..n];
-        for i in 0..n {
-            let (dx, dy, dz) = (xs[i] - at.x, ys[i] - at.y, zs[i] - at.z);
-            let KernelAndSlope { kernel: k, slope } =
-                kernel_and_slope((dx * dx + dy * dy) + (dz * dz + (spreads[i] + other.spread)));
-            let s = y * slope;
-            kernels[i] += y * k;
-            px[i] += s * to.x;
-            py[i] += s * to.y;
-            pz[i] += s * to.z;
-        }
-    }
-
-    /// Adds `y` times K between `other` and each vector to `kernels`, for as many vectors as `kernels` has elements.
-    pub(super) fn add_kernels(&self, other: &MeanVector, y: f32, kernels: &mut [f32]) {
-        let ([xs, ys, zs], at) = (&self.halves, other.half);
-        for ((((sum, x), y_axis), z), spread) in kernels.iter_mut().zip(xs).zip(ys).zip(zs).zip(&self.spreads)
-        {
-            let (dx, dy, dz) = (x - at.x, y_axis - at.y, z - at.z);
-            *sum += y * kernel((dx * dx + dy * dy) + (dz * dz + (spread + other.spread)));
-        }
-    }
-}
-
-/// Sums of kernels, and of their gradients with respect to the mean vectors.
-#[derive(Clone, Debug)]
-pub(super) struct KernelSums {
-    pub(super) kernels: [f32; FITTED],
-    /// Sums of the gradients of the kernels, one row for each coordinate.
-    pub(super) pulls: [[f32; FITTED]; 3],
-}
-
-impl KernelSums {
-    pub(super) const fn new() -> Self {
-        Self { kernels: [0.0; FITTED], pulls: [[0.0; FITTED]; 3] }
-    }
-
-    /// Clears the sums of the first `n` mean vectors.
-    pub(super) fn clear(&mut self, n: usize) {
-        let n = n.min(FITTED);
-        self.kernels[..n].fill(0.0);
-        self.pulls.iter_mut().for_each(|axis| axis[..n].fill(0.0));
-    }
-
-    /// Returns the summed gradient of the kernels at mean vector `i`.
-    pub(super) fn pull(&self, i: usize) -> Vec3 {
-        Vec3::from_array(self.pulls.map(|axis| axis[i]))
     }
 }
 
@@ -247,23 +155,6 @@ mod tests {
             let g = PI * f64::from(i) / 90.0;
             let off = f64::from(kernel((0.5 - 0.5 * libm::cos(g)) as f32)) - twin(g) / whole;
             assert!(libm::fabs(off) < 0.005, "at {g}: off by {off}");
-        }
-    }
-
-    #[test]
-    fn the_slope_is_the_kernels_derivative() {
-        for i in 1..40 {
-            let x = 0.97 - 0.048 * i as f32;
-            let exact = |x: f32| {
-                let h = libm::sqrt(f64::from(0.5 - 0.5 * x));
-                KERNEL.iter().rev().fold(0.0, |sum, c| sum * h + f64::from(*c))
-            };
-            let expected = (exact(x + 1e-2) - exact(x - 1e-2)) / 2e-2;
-            let found = f64::from(kernel_and_slope(0.5 - 0.5 * x).slope);
-            assert!(
-                (found - expected).abs() < 0.02 + 0.02 * expected.abs(),
-                "{x}: {found}, expected {expected}"
-            );
         }
     }
 

@@ -26,9 +26,11 @@ mod gather;
 mod kernel;
 mod memory;
 mod nodes;
+mod points;
 mod receivers;
 mod source;
 mod step;
+mod table;
 mod tree;
 mod weights;
 

@@ -13,6 +13,9 @@ use glam::Vec3;
 /// Largest number of sources that approximate a map.
 pub(super) const SOURCES: usize = 1024;
 
+/// Largest number of sources of a set whose weights are fitted.
+pub(super) const FITTED_SOURCES: usize = SOURCES / 4;
+
 /// Numbers of lights with which each light has fewer sources as a disc than as a point: in this range, more sources do not make discs more
 /// accurate.
 const HALVED: RangeInclusive<usize> = GATHERED + 1..=16;
@@ -22,7 +25,7 @@ const HALVED: RangeInclusive<usize> = GATHERED + 1..=16;
 fn levels(lights: usize, soft: bool) -> u8 {
     let most = match lights {
         _ if soft && HALVED.contains(&lights) => SOURCES / 8,
-        ..=super::FITTED => SOURCES / 4,
+        ..=super::FITTED => FITTED_SOURCES,
         _ => SOURCES,
     };
     (most / lights.max(1)).checked_ilog2().unwrap_or(0) as u8

@@ -5,16 +5,18 @@
 //! in place of a map mu is |mu - sum w_i delta(l_i)|^2 in the norm of K, and least for K w = K mu. Starting from the energies of the
 //! leaves, the correction x solves (K + R) x = r with r_i = sum over sources s of y_s (K(l_i, s) - K(l_i, l_owner(s))), under sum x = 0. R,
 //! a ridge proportional to 1 / energy, limits changes of bright lights in favour of dim ones. The system is solved by Cholesky
-//! decomposition in place.
+//! decomposition in place. The residual r is computed in fixed point ([`super::points`]), the matrix in single precision.
 //!
 //! The minimisation equals optimally weighted quadrature in a reproducing kernel space; since K near 0 is linear in the angle, it is
 //! related to the energy distance of Szekely and Rizzo. The kernel K and its use for weights of lights are new here.
 
-use super::kernel::{KernelSums, MeanVector, Vectors};
-use super::source::Source;
+use super::kernel::{MeanVector, Vectors};
+use super::points::{self, Kernels, Point, Points};
+use super::source::{FITTED_SOURCES, Source};
 use super::{FITTED, step};
 use crate::light::Light;
 use crate::root::root;
+use glam::Vec3;
 
 /// The ridge for a light of mean energy, relative to K(0).
 const RIDGE: f32 = 0.01;
@@ -33,63 +35,125 @@ const DISC_MOST: f32 = 4.0;
 pub(super) struct Fit {
     /// The kernel K between the lights; later its Cholesky factor in the lower triangle.
     matrix: [[f32; FITTED]; FITTED],
-    lights: Vectors,
-    /// In `kernels` the residual, later the corrections; in `pulls` the gradients, for discs.
-    sums: KernelSums,
-    /// The kernel K between one source and each of the lights.
-    own: [f32; FITTED],
+    vectors: Vectors,
+    /// The sources with their energies, and the lights with the energies of which the fit computes the residual.
+    sources: Points<FITTED_SOURCES>,
+    lights: Points<FITTED>,
+    /// The kernel between one light and each source, and between one light and each light.
+    to_sources: Kernels<FITTED_SOURCES>,
+    to_lights: Kernels<FITTED>,
+    /// Luminance of all sources, the unit of the energies of `sources` and `lights`.
+    total: f32,
+    /// The residual, later the corrections.
+    corrections: [f32; FITTED],
     ones: [f32; FITTED],
+    /// Gradients of the error with respect to the lights' mean vectors.
+    pulls: [Vec3; FITTED],
 }
 
 impl Fit {
     pub(super) const fn new() -> Self {
         let row = [0.0; FITTED];
-        Self { matrix: [row; FITTED], lights: Vectors::new(), sums: KernelSums::new(), own: row, ones: row }
+        Self {
+            matrix: [row; FITTED],
+            vectors: Vectors::new(),
+            sources: Points::new(),
+            lights: Points::new(),
+            to_sources: Kernels::new(),
+            to_lights: Kernels::new(),
+            total: 0.0,
+            corrections: row,
+            ones: row,
+            pulls: [Vec3::ZERO; FITTED],
+        }
     }
 
     /// Changes the energies of the lights that represent `sources` to the least expected error.
     pub(super) fn run(&mut self, sources: &[Source], lights: &mut [Light]) {
         let n = lights.len().min(FITTED);
         let lights = &mut lights[..n];
-        self.prepare(lights.iter().map(|light| MeanVector::of_point(light.direction)));
-        sources.iter().for_each(|source| self.source(n, source));
+        self.represent(sources, |source| MeanVector::of_point(source.at));
+        self.place(lights, |light| MeanVector::of_point(light.direction));
+        // The residual is that of lights with the energies of the sources that they represent.
+        let own = &mut self.corrections[..n];
+        own.fill(0.0);
+        for source in sources {
+            if let Some(own) = own.get_mut(usize::from(source.owner)) {
+                *own += source.y;
+            }
+        }
+        self.lights.set_shares(own.iter().map(|y| y / self.total));
+        self.residual(n, false);
         self.finish(lights, RIDGE, MOST);
     }
 
     /// Changes the energies of the discs that represent `sources`, which count as discs too, to the least expected error.
     pub(super) fn run_discs(&mut self, sources: &[Source], lights: &mut [Light]) {
-        self.fit_discs(sources, lights, false);
+        self.represent(sources, |source| MeanVector::of_disc(source.at, source.radius));
+        self.fit_discs(lights, false);
     }
 
-    /// Changes the energies of the discs that represent `sources`, and moves each disc one step down the gradient of the error in the norm
-    /// of the kernel.
-    pub(super) fn step_discs(&mut self, sources: &[Source], lights: &mut [Light]) {
-        self.fit_discs(sources, lights, true);
-        for (i, light) in lights.iter_mut().enumerate().take(FITTED) {
-            light.direction = step::stepped(light, &self.lights.get(i), self.sums.pull(i));
-        }
-    }
-
-    /// Changes the energies of discs; with `pulls`, computes the gradients of their errors in `sums`.
-    fn fit_discs(&mut self, sources: &[Source], lights: &mut [Light], pulls: bool) {
-        let n = lights.len().min(FITTED);
-        let lights = &mut lights[..n];
-        self.prepare(lights.iter().map(MeanVector::of_light));
-        for source in sources {
-            let disc = MeanVector::of_disc(source.at, source.radius);
-            if pulls {
-                self.lights.add_up(n, &disc, source.y, &mut self.sums);
-            } else {
-                self.lights.add_kernels(&disc, source.y, &mut self.sums.kernels[..n]);
+    /// Moves the discs that represent `sources` by `steps` steps down the gradient of the error in the norm of the kernel, each with the energies of
+    /// least expected error.
+    pub(super) fn move_discs(&mut self, sources: &[Source], lights: &mut [Light], steps: usize) {
+        self.represent(sources, |source| MeanVector::of_disc(source.at, source.radius));
+        for _ in 0..steps {
+            self.fit_discs(lights, true);
+            for (light, pull) in lights.iter_mut().zip(&self.pulls) {
+                light.direction = step::stepped(light, *pull);
             }
         }
-        for (row, light) in self.matrix.iter().zip(lights.iter()) {
-            let y = energy(light);
-            self.sums.kernels[..n].iter_mut().zip(&row[..n]).for_each(|(r, k)| *r -= y * k);
-        }
+    }
+
+    /// Changes the energies of discs; with `pulls`, computes the gradients of their errors.
+    fn fit_discs(&mut self, lights: &mut [Light], pulls: bool) {
+        let n = lights.len().min(FITTED);
+        let lights = &mut lights[..n];
+        self.place(lights, MeanVector::of_light);
+        self.lights.set_shares(lights.iter().map(|light| energy(light) / self.total));
+        self.residual(n, pulls);
         self.finish(lights, DISC_RIDGE, DISC_MOST);
-        for (i, light) in lights.iter().enumerate().filter(|_| pulls) {
-            self.lights.add_up(n, &self.lights.get(i), -energy(light), &mut self.sums);
+        if pulls {
+            self.lights.set_shares(lights.iter().map(|light| energy(light) / self.total));
+            for (i, pull) in self.pulls.iter_mut().enumerate().take(n) {
+                let at = self.lights.point(i);
+                self.lights.look_up(&at, &mut self.to_lights);
+                *pull -= points::pull_sum(self.lights.pull(&at, &self.to_lights)) * self.total;
+            }
+        }
+    }
+
+    /// Replaces the sources; `vector` returns the mean vector of a source.
+    fn represent(&mut self, sources: &[Source], vector: impl Fn(&Source) -> MeanVector) {
+        self.total = sources.iter().map(|source| source.y).sum::<f32>().max(f32::MIN_POSITIVE);
+        self.sources.clear();
+        sources.iter().for_each(|source| self.sources.push(&Point::new(&vector(source))));
+        self.sources.set_shares(sources.iter().map(|source| source.y / self.total));
+    }
+
+    /// Replaces the lights and computes the matrix; `vector` returns the mean vector of a light.
+    fn place(&mut self, lights: &[Light], vector: impl Fn(&Light) -> MeanVector) {
+        self.ones = [1.0; FITTED];
+        self.lights.clear();
+        for (i, light) in lights.iter().enumerate().take(FITTED) {
+            let vector = vector(light);
+            self.lights.push(&Point::new(&vector));
+            self.vectors.set(i, &vector);
+            self.vectors.kernels(&vector, &mut self.matrix[i][..=i]);
+        }
+    }
+
+    /// Computes the residual of the first `n` lights and, with `pulls`, the gradients due to the sources.
+    fn residual(&mut self, n: usize, pulls: bool) {
+        for i in 0..n.min(FITTED) {
+            let at = self.lights.point(i);
+            self.sources.look_up(&at, &mut self.to_sources);
+            self.lights.look_up(&at, &mut self.to_lights);
+            let sum = self.sources.kernel(&self.to_sources).wrapping_sub(self.lights.kernel(&self.to_lights));
+            self.corrections[i] = points::kernel_sum(sum) * self.total;
+            if pulls {
+                self.pulls[i] = points::pull_sum(self.sources.pull(&at, &self.to_sources)) * self.total;
+            }
         }
     }
 
@@ -101,42 +165,17 @@ impl Fit {
             self.matrix[i][i] += ridge * mean / energy(light).max(1e-6 * mean);
         }
         if self.solve(n) {
-            scale(lights, &self.sums.kernels, most);
+            scale(lights, &self.corrections, most);
         }
     }
 
-    /// Fills the matrix with the kernel between the lights' `vectors` and clears the residual.
-    fn prepare(&mut self, vectors: impl Iterator<Item = MeanVector> + Clone) {
-        self.sums.clear(vectors.clone().count());
-        self.ones = [1.0; FITTED];
-        for (i, vector) in vectors.clone().enumerate().take(FITTED) {
-            self.lights.set(i, &vector);
-        }
-        for (i, vector) in vectors.enumerate().take(FITTED) {
-            self.lights.kernels(&vector, &mut self.matrix[i][..=i]);
-            for j in 0..i {
-                self.matrix[j][i] = self.matrix[i][j];
-            }
-        }
-    }
-
-    /// Adds to the residual the difference between a source at its own direction and at the direction of its light.
-    fn source(&mut self, n: usize, source: &Source) {
-        let Some(stands) = self.matrix[..n].get(usize::from(source.owner)) else { return };
-        self.lights.kernels(&MeanVector::of_point(source.at), &mut self.own[..n]);
-        for ((r, own), stands) in self.sums.kernels[..n].iter_mut().zip(&self.own[..n]).zip(&stands[..n]) {
-            *r += source.y * (own - stands);
-        }
-    }
-
-    /// Solves for the correction under a sum of 0 into `sums.kernels`; returns false if the matrix is not positive definite.
+    /// Solves for the correction under a sum of 0 into `corrections`; returns false if the matrix is not positive definite.
     fn solve(&mut self, n: usize) -> bool {
         for i in 0..n {
             for j in 0..=i {
                 let (before, row) = self.matrix.split_at(i);
                 let other = if j < i { &before[j] } else { &row[0] };
-                let dot: f32 = row[0][..j].iter().zip(&other[..j]).map(|(a, b)| a * b).sum();
-                let rest = self.matrix[i][j] - dot;
+                let rest = self.matrix[i][j] - dot(&row[0][..j], &other[..j]);
                 if j < i {
                     self.matrix[i][j] = rest / self.matrix[j][j];
                 } else if rest > f32::MIN_POSITIVE {
@@ -146,9 +185,9 @@ impl Fit {
                 }
             }
         }
-        substitute(&self.matrix, &mut self.sums.kernels[..n]);
+        substitute(&self.matrix, &mut self.corrections[..n]);
         substitute(&self.matrix, &mut self.ones[..n]);
-        let x = &mut self.sums.kernels[..n];
+        let x = &mut self.corrections[..n];
         let (sum, unit) = (x.iter().sum::<f32>(), self.ones[..n].iter().sum::<f32>());
         for (x, one) in x.iter_mut().zip(&self.ones[..n]) {
             *x -= one * sum / unit;
@@ -157,12 +196,24 @@ impl Fit {
     }
 }
 
+/// Returns the sum of the products of `a` and `b`, which have equal lengths, in four partial sums.
+fn dot(a: &[f32], b: &[f32]) -> f32 {
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<4>(), b.as_chunks::<4>());
+    let mut sums = [0.0; 4];
+    for (a, b) in a.iter().zip(b) {
+        for i in 0..4 {
+            sums[i] += a[i] * b[i];
+        }
+    }
+    let rest: f32 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
+    (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
+}
+
 /// Solves L L' x = b, where `x` contains b at first and the solution at the end.
 fn substitute(l: &[[f32; FITTED]; FITTED], x: &mut [f32]) {
     let n = x.len();
     for i in 0..n {
-        let dot: f32 = l[i][..i].iter().zip(&x[..i]).map(|(a, b)| a * b).sum();
-        x[i] = (x[i] - dot) / l[i][i];
+        x[i] = (x[i] - dot(&l[i][..i], &x[..i])) / l[i][i];
     }
     for i in (0..n).rev() {
         x[i] /= l[i][i];
