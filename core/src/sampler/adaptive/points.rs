@@ -76,6 +76,7 @@ pub(super) fn pull_sum(sum: [i32; 3]) -> Vec3 {
 
 impl<const N: usize> Points<N> {
     pub(super) const fn new() -> Self {
+        const { assert!(N.is_multiple_of(LANES), "points fill whole vectors") };
         Self { halves: [[0; N]; 3], spreads: [0; N], shares: [0; N], count: 0 }
     }
 
