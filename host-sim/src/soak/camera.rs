@@ -33,6 +33,13 @@ const BETWEEN_OUTAGES: u64 = 12_000;
 /// Duration of an outage, real time: longer than the age at which the server marks a set stale (1.5 s).
 const OUTAGE: Duration = Duration::from_secs(2);
 
+/// Simulated time from burst to burst, nanoseconds: three frames at 29.5 a second, the highest rate up to 30 at which bursts record lamps
+/// on the mains at different phases. At exactly ten bursts a second, the search for mains light would have nothing to find.
+const INTERVAL_NS: u64 = 101_694_915;
+
+/// Simulated time of the first burst, nanoseconds: later than the largest backward step of a fault of the clock.
+const FIRST_NS: u64 = 3_600_000_000_000;
+
 /// Code of the sun in the shortest exposure at the brightest moment, divided by the largest code.
 const BRIGHTEST: f32 = 0.8;
 
@@ -118,6 +125,13 @@ impl DayCamera {
     }
 }
 
+/// Returns the simulated time of burst `number`, nanoseconds: bursts at equal intervals, and the outages before them. It does not depend on
+/// the speed of the machine.
+fn time_ns(number: u64) -> u64 {
+    let outages = (number + BETWEEN_OUTAGES / 2) / BETWEEN_OUTAGES;
+    FIRST_NS + number * INTERVAL_NS + outages * OUTAGE.as_nanos() as u64
+}
+
 /// Returns the relative code of a pixel in the shortest exposure at the brightest moment: a sun, a bright wall, and a gradient.
 fn colour(x: u32, y: u32) -> [f32; 3] {
     let sun = (40..42).contains(&x) && (12..14).contains(&y);
@@ -164,6 +178,7 @@ impl Source for DayCamera {
             return Err(SourceError::Gone("found no device, expected the camera of the soak test".into()));
         }
         let light = self.light();
+        burst.phase_ns = time_ns(self.bursts);
         self.bursts += 1;
         burst.before_ns = clock::monotonic_ns();
         burst.frames.truncate(self.exposures.len());
@@ -183,5 +198,30 @@ impl Source for DayCamera {
         self.daylight.bursts.store(self.bursts, Ordering::Relaxed);
         burst.timestamp_ns = clock::monotonic_ns();
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hemilux_core::mains::{Lamps, best_rate};
+
+    #[test]
+    fn bursts_have_simulated_times_at_which_lamps_have_different_phases() {
+        let mut camera = DayCamera::try_new(100).expect("a camera");
+        let mut burst = Burst::default();
+        let times: Vec<_> = (0..100).map(|_| camera.next(&mut burst).map(|()| burst.phase_ns)).collect();
+        let times: Vec<_> = times.into_iter().map(|time| time.expect("a burst")).collect();
+        let interval_ns = 3e9 / best_rate(30.0, 3, Lamps::Auto);
+        for pair in times.windows(2) {
+            assert!(((pair[1] - pair[0]) as f64 - interval_ns).abs() < 1.0, "{pair:?}, {interval_ns}");
+        }
+    }
+
+    #[test]
+    fn time_goes_on_during_an_outage() {
+        let before = BETWEEN_OUTAGES / 2;
+        assert_eq!(time_ns(before) - time_ns(before - 1), INTERVAL_NS + 2_000_000_000);
+        assert_eq!(time_ns(before + 1) - time_ns(before), INTERVAL_NS);
     }
 }

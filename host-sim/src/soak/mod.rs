@@ -1,5 +1,5 @@
 //! Soak test: days of simulated time through the probe's pipeline, server and sockets, with clients of every kind, changes of every setting and
-//! faults of the source. The source does not wait between bursts; ten bursts count as a second of simulated time.
+//! faults of the source. The source does not wait between bursts, whose times are simulated; ten bursts count as a second.
 
 mod camera;
 mod clients;

@@ -1,7 +1,6 @@
 use super::*;
 use hemilux::calibration::{Burst, Calibration, Pixels};
 use hemilux::source::SourceError;
-use hemilux_core::mains::Lamps;
 use hemilux_core::{Exposure, MergeMode};
 
 /// A source whose frames have the light of their lower half multiplied by `factor`.
@@ -50,8 +49,6 @@ fn judged(
     let (counts, tally) = (source.counts(), Arc::new(Tally::new()));
     let mut config = Config { exposures_s: seconds.map(<[f64]>::to_vec), ..Config::steady() };
     config.pipeline.merge = merge;
-    // Bursts have the time at which this machine makes them, so that a search for mains light would depend on the load.
-    config.pipeline.lamps = Lamps::Off;
     let mut worker = Worker::try_new(Box::new(source), "soak".into(), config).expect("a worker");
     let link = worker.link();
     let mut judge = SetJudge::new(brightest().expect("a flux"), &daylight, &tally, &counts);

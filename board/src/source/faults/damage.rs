@@ -7,7 +7,7 @@ use crate::calibration::{Burst, Frame, Pixels};
 /// Ratio of the stated to the true exposure of a frame with the fault [`Fault::Label`].
 const WRONG_LABEL: f64 = 4.0;
 
-/// Largest backward step of the timestamp, nanoseconds.
+/// Largest backward step of the times of a burst, nanoseconds.
 const STEP_NS: f64 = 60e9;
 
 /// Applies `fault` to `burst`. Faults of the delivery leave the frames unchanged.
@@ -26,7 +26,10 @@ pub(super) fn damage(fault: Fault, burst: &mut Burst, largest_code: u16, random:
         Fault::Label => frame.exposure.seconds *= WRONG_LABEL,
         Fault::Size => halve(&mut frame.pixels),
         Fault::Clock => {
-            burst.timestamp_ns = burst.timestamp_ns.saturating_sub((random.part() * STEP_NS) as u64);
+            let step = (random.part() * STEP_NS) as u64;
+            [&mut burst.timestamp_ns, &mut burst.phase_ns]
+                .into_iter()
+                .for_each(|ns| *ns = ns.saturating_sub(step));
         }
         Fault::Late | Fault::Vanish | Fault::Hang => {}
     }

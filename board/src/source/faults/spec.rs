@@ -21,7 +21,7 @@ pub enum Fault {
     Label,
     /// A frame has half of its samples.
     Size,
-    /// The timestamp of the burst is up to a minute too early.
+    /// The times of the burst are up to a minute too early.
     Clock,
     /// The source reports that its device is gone, and returns after a pause.
     Vanish,
