@@ -22,8 +22,7 @@ use std::time::{Duration, Instant};
 /// Pause after a fault of the source: it limits the load of a loop over faults, and it is short compared with a client's wait for a frame.
 pub(crate) const RETRY_PAUSE: Duration = Duration::from_millis(100);
 
-/// Largest ratio of the shortest exposure of a burst to that of the source at which both count as the same
-/// exposure.
+/// Largest ratio of the shortest exposure of a burst to that of the source at which both count as the same exposure.
 const MARGIN: f64 = 1.01;
 
 /// Processes the bursts of a source and publishes their light sets: the state of the processing thread.
@@ -43,8 +42,7 @@ pub struct Worker {
     ladder: Ladder,
     /// Number of bursts since the start, including those that were skipped.
     bursts: u32,
-    /// Usual time from the end of a burst to its delivery by the source, microseconds: the smallest of the last
-    /// frames.
+    /// Usual time from the end of a burst to its delivery by the source, microseconds: the smallest of the last frames.
     delivery_us: u32,
     /// The exposures that a complete burst of the source has.
     nominal: Vec<Exposure>,
@@ -276,8 +274,7 @@ impl Worker {
             self.reset_quality();
         }
         let (found, expected) = (self.burst.frames.len(), self.nominal.len());
-        // In a burst from before a change of the exposures, the shortest exposure equals no later exposure of
-        // the source.
+        // In a burst from before a change of the exposures, the shortest exposure equals no later exposure of the source.
         let is_same = |later: &Exposure| (first / (later.seconds * later.gain) - 1.0).abs() < MARGIN - 1.0;
         let has_lost = found < expected || self.nominal.iter().skip(1).any(is_same);
         if !has_lost || self.nominal.first().is_some_and(is_shortest) {
@@ -398,3 +395,6 @@ fn exposures(source: &dyn Source) -> Exposures {
     let seconds = source.exposures().iter().map(|e| e.seconds).collect();
     Exposures { seconds, fixed: source.fixed_exposures() }
 }
+
+#[cfg(test)]
+mod tests;
