@@ -21,7 +21,8 @@ use hemilux_core::pyramid::Quad;
 use hemilux_core::sampler::Timer;
 use hemilux_core::wire::FramesLeftOut;
 use hemilux_core::{
-    Coverage, Domain, Exposure, FrontEnd, FrontError, MAX_EXPOSURES, Map, Request, Sampler, Samples,
+    Coverage, Domain, Exposure, FrontEnd, FrontError, MAX_EXPOSURES, Map, Request, Sampler, SamplerKind,
+    Samples,
 };
 use parts::{Span, front_end, is_read, mains};
 use std::time::{Duration, Instant};
@@ -105,14 +106,10 @@ impl Pipeline {
     /// [`PipelineError`] if calibration and settings do not fit together.
     pub fn configure(&mut self, settings: Settings) -> Result<(), PipelineError> {
         let same_maps = settings.order() == self.front.order().get() && settings.grid == self.settings.grid;
-        if !same_maps {
-            let made = Self::try_new(*self.front.calibration(), &self.exposures, settings)?;
-            let before = std::mem::replace(self, made);
-            (self.inspector, self.doubtful) = (before.inspector, before.doubtful);
-            self.was_seen = before.was_seen;
-            return Ok(());
-        }
         settings.check()?;
+        if !same_maps {
+            return self.replace_maps(settings);
+        }
         if !settings.same_sampler(&self.settings) {
             let (shape, tuning) = (self.shape(), &settings.tuning);
             self.sampler = samplers::make_tuned(settings.sampler, &shape, settings.lights, tuning)?;
@@ -136,6 +133,25 @@ impl Pipeline {
         }
         self.settings = settings;
         Ok(())
+    }
+
+    /// Allocates maps of another size, and the sampler after the release of the former one: of many lights, the sampler is most of the
+    /// pipeline's memory.
+    fn replace_maps(&mut self, settings: Settings) -> Result<(), PipelineError> {
+        self.sampler = samplers::make(SamplerKind::Adaptive, &self.shape(), 1)?;
+        match Self::try_new(*self.front.calibration(), &self.exposures, settings) {
+            Ok(made) => {
+                let before = std::mem::replace(self, made);
+                (self.inspector, self.doubtful) = (before.inspector, before.doubtful);
+                self.was_seen = before.was_seen;
+                Ok(())
+            }
+            Err(error) => {
+                let Settings { sampler, lights, tuning, .. } = &self.settings;
+                self.sampler = samplers::make_tuned(*sampler, &self.shape(), *lights, tuning)?;
+                Err(error)
+            }
+        }
     }
 
     /// Returns the shape of the maps that the samplers read.
@@ -382,7 +398,6 @@ mod tests {
     use crate::calibration::Pixels;
     use crate::scene;
     use crate::source::{Pace, SceneSource, Source};
-    use hemilux_core::SamplerKind;
     use hemilux_core::wire::FrameFault;
 
     #[test]

@@ -6,6 +6,7 @@
 use hemilux::memory::MemoryPlan;
 use hemilux::pipeline::{Pipeline, Settings};
 use hemilux::probe::{Config, Worker};
+use hemilux::samplers::buffers;
 use hemilux::scene;
 use hemilux::source::{Pace, ReplaySource, SceneSource, Source};
 use hemilux_core::SamplerKind;
@@ -13,16 +14,20 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// An allocator that forwards requests to the system's allocator and sums the bytes that each thread holds.
+/// An allocator that forwards requests to the system's allocator, sums the bytes that each thread holds, and stores the largest sum.
 struct Counting;
 
 thread_local! {
     static BYTES: Cell<isize> = const { Cell::new(0) };
+    static MOST: Cell<isize> = const { Cell::new(0) };
 }
 
 fn count(bytes: isize) {
     // A thread that is ending has no counter and is not measured.
-    let _ = BYTES.try_with(|n| n.set(n.get() + bytes));
+    let _ = BYTES.try_with(|n| {
+        n.set(n.get() + bytes);
+        MOST.try_with(|most| most.set(most.get().max(n.get())))
+    });
 }
 
 // SAFETY: every method passes its arguments to `System` unchanged; the counter is a thread-local number that needs no memory. The methods of the
@@ -150,4 +155,21 @@ fn four_thousand_lights_at_order_6_need_8_mb_without_the_frames() {
             "{name}: found {besides} bytes besides the frames, expected 8 MB\n{plan}"
         );
     }
+}
+
+#[test]
+fn a_map_of_another_order_needs_no_second_sampler() {
+    let _alone = alone();
+    let (source, many) = (room(), settings(SamplerKind::Adaptive, 50_000));
+    let pipeline = Pipeline::try_new(*source.calibration(), &source.exposures(), many.clone());
+    let mut pipeline = pipeline.expect("a pipeline");
+    let buffers = buffers(SamplerKind::Adaptive, &pipeline.shape(), 50_000, &many.tuning);
+    let sampler: usize = buffers.iter().map(|buffer| buffer.bytes()).sum();
+    let before = BYTES.get();
+    MOST.set(before);
+    pipeline.configure(Settings { order: Some(6), ..many }).expect("settings");
+    let most = MOST.get() - before;
+    println!("a sampler of {sampler} bytes, {most} bytes more during the change of the map");
+    assert_eq!(pipeline.shape().order, 6);
+    assert!(most.unsigned_abs() < sampler / 2, "found {most} bytes more, a sampler has {sampler}");
 }
