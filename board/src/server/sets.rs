@@ -124,29 +124,27 @@ impl EncodedSets {
             return Ok(ready);
         }
         // The buffer of the expected length makes one allocation per frame.
-        let most = variant.selection.lights.unwrap_or(usize::MAX);
-        let lights = answer.set.lights.len().min(most);
-        let length = variant.format.expected_length(lights);
+        let (most, found) = (variant.selection.lights.unwrap_or(usize::MAX), answer.set.lights.len());
+        let length = variant.format.expected_length(found.min(most));
         if length > LONGEST {
-            return Err(Missing::TooLong(lights));
+            return Err(Missing::TooLong(found.min(most)));
         }
+        // A request that waits holds no set: requests of many forms would hold the sets of as many frames.
+        drop(answer);
         let reserved = self.memory.reserve(length).await.ok_or(Missing::Full)?;
-        let (answer, bytes) =
-            if answer.set.lights.len() > MANY_LIGHTS || variant.format == Format::PackedEvent {
-                let is_costly = is_costly(variant, answer.set.lights.len());
-                let link = Arc::clone(link);
-                drop(answer);
-                let work = move || {
-                    // The set is the newest one when the thread runs the job.
-                    let answer = Answer::newest(&link, variant.selection, is_late)?;
-                    encode(variant, &link, &answer, length).map(|bytes| (answer, bytes))
-                };
-                let encoder = if is_costly { &self.costly } else { &self.encoder };
-                encoder.run(variant, work).await.flatten().ok_or(Missing::Fault)?
-            } else {
-                let bytes = encode(variant, link, &answer, length).ok_or(Missing::Fault)?;
-                (answer, bytes)
-            };
+        let link = Arc::clone(link);
+        let work = move || {
+            // The set is the newest one when the thread runs the job.
+            let answer = Answer::newest(&link, variant.selection, is_late)?;
+            encode(variant, &link, &answer, length).map(|bytes| (answer, bytes))
+        };
+        let encoded = if found > MANY_LIGHTS || variant.format == Format::PackedEvent {
+            let encoder = if is_costly(variant, found) { &self.costly } else { &self.encoder };
+            encoder.run(variant, work).await.flatten()
+        } else {
+            work()
+        };
+        let (answer, bytes) = encoded.ok_or(Missing::Fault)?;
         Ok(self.keep(&entry, answer, &reserved.hold(bytes)))
     }
 
@@ -237,4 +235,36 @@ pub(super) fn thin(lights: &[Light], most: usize) -> Option<Vec<Light>> {
     let count = merge(&mut lights, most, &mut pairs).ok()?;
     lights.truncate(count);
     Some(lights)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::probe::{Config, Worker};
+    use crate::scene;
+    use crate::source::{Pace, SceneSource};
+    use std::task::{Context, Waker};
+
+    #[tokio::test]
+    async fn a_request_that_waits_for_memory_holds_no_set() {
+        let source = SceneSource::new(scene::by_name("overcast").expect("a scene"), Pace::Free);
+        let worker = Worker::try_new(Box::new(source), "test".into(), Config::steady());
+        let mut worker = worker.expect("a worker");
+        worker.step().expect("a set");
+        let (link, memory) = (worker.link(), Arc::<AnswerMemory>::default());
+        let sets = EncodedSets::new(Arc::clone(&memory));
+        let variant = Variant::of(Format::Json);
+        let mut full = Vec::new();
+        for _ in 0..3 {
+            full.push(memory.reserve(2 << 20).await.expect("memory"));
+        }
+        let set = link.sets().latest().expect("a set");
+        let holders = Arc::strong_count(&set);
+        let mut waiting = std::pin::pin!(sets.newest(variant, &link, false));
+        assert!(waiting.as_mut().poll(&mut Context::from_waker(Waker::noop())).is_pending(), "no memory");
+        assert_eq!(Arc::strong_count(&set), holders);
+        drop(full);
+        let ready = waiting.await.expect("an answer");
+        assert_eq!((ready.set.frame, Arc::strong_count(&set)), (set.frame, holders + 1));
+    }
 }
