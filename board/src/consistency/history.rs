@@ -42,6 +42,10 @@ impl Contradictions {
         let weight = CONTRADICTION.max(1.0 / (FIRST_CONTRADICTION.recip() + self.bursts as f32));
         self.bursts = self.bursts.saturating_add(1);
         self.share += weight * (f32::from(u8::from(is_contradiction)) - self.share);
+        self.are_usual()
+    }
+
+    fn are_usual(self) -> bool {
         self.share >= USUAL
     }
 
@@ -60,6 +64,8 @@ pub(super) struct History {
     contradictions: Contradictions,
     /// Number of consecutive bursts, up to the last one, in which the pair could be compared.
     compared: u32,
+    /// True if the pair could be compared in the last burst.
+    is_comparable: bool,
 }
 
 impl History {
@@ -72,17 +78,22 @@ impl History {
             away: self.away.max(other.away),
             contradictions: self.contradictions.larger(other.contradictions),
             compared: 0,
+            is_comparable: false,
         }
     }
 
     /// Returns the contradiction of the comparison `seen` if it is an unusual one; otherwise adds the comparison to the running means.
     pub fn judge(&mut self, seen: &Comparison) -> Option<FrameFault> {
         let Some(log_ratio) = seen.log_ratio else {
-            self.compared = 0;
+            (self.compared, self.is_comparable) = (0, false);
             return None;
         };
         let fault = self.fault(seen, log_ratio);
-        let is_usual = self.contradictions.add(fault.is_some());
+        // In dark light, a pair may be comparable only in bursts with a fault, which are no evidence of usual contradictions.
+        let is_evidence = std::mem::replace(&mut self.is_comparable, true);
+        let contradictions = &mut self.contradictions;
+        let is_usual =
+            if is_evidence { contradictions.add(fault.is_some()) } else { contradictions.are_usual() };
         let unusual = fault.filter(|_| !is_usual);
         if unusual.is_none() && seen.level_faults() == [None; 2] {
             self.compared = self.compared.saturating_add(1);

@@ -193,9 +193,12 @@ impl Levels {
         if seen.lights.len() < self.expected.len() && self.before.len() == self.expected.len() {
             return self.keep_part(seen, is_sound);
         }
+        // The stated exposure of a frame with a wrong label has another earlier frame.
+        let has_expected = self.expected.len() == seen.lights.len();
+        let lights = if has_expected { &self.expected } else { seen.lights };
         self.next.truncate(seen.lights.len());
         for (index, (light, sampled)) in seen.lights.iter().zip(seen.sampled).enumerate() {
-            let slot = self.counterpart(seen.lights, index);
+            let slot = self.counterpart(lights, index);
             let kept = self.before.get(slot).filter(|_| !is_sound(index));
             let (light, sampled) = kept.map_or((*light, sampled), |before| (before.light, &before.sampled));
             match self.next.get_mut(index) {

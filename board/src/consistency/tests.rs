@@ -293,3 +293,39 @@ fn a_false_frame_in_the_first_burst_of_new_exposures_is_uncertain() {
         assert!(inspector.is_uncertain(), "fault {fault}");
     }
 }
+
+#[test]
+fn a_false_frame_after_a_wrong_label_in_the_first_burst_of_new_exposures_is_left_out() {
+    let lit = |x: usize, y: usize| 80.0 * dim(x, y);
+    let times = [TIMES[0], TIMES[2]];
+    let mut inspector = dark_inspector(&TIMES);
+    for _ in 0..8 {
+        inspector.inspect(&dark_burst(&TIMES, lit));
+    }
+    inspector.expect(&times.map(|seconds| Exposure { seconds, gain: 1.0 }));
+    let mut mislabelled = dark_burst(&times, lit);
+    mislabelled.frames[0].exposure.seconds *= 4.0;
+    inspector.inspect(&mislabelled);
+    assert!(inspector.is_uncertain(), "a wrong label");
+    let mut torn = dark_burst(&times, lit);
+    torn.frames[1] = dark(times[1], times[1], |x, y| lit(x, y) * if y < 30 { 1.0 } else { 1.0 / 36.0 });
+    assert_eq!(faults(&mut inspector, &torn), [(1, FrameFault::Torn)]);
+}
+
+#[test]
+fn contradictions_of_frames_that_seldom_can_be_compared_do_not_become_usual() {
+    let mut history = History::default();
+    let seen = |log_ratio| {
+        let mut seen = Comparison::default();
+        seen.log_ratio = log_ratio;
+        seen
+    };
+    for burst in 0..8 {
+        assert_eq!(history.judge(&seen(Some(0.0))), None, "sound burst {burst}");
+    }
+    for burst in 0..100 {
+        assert_eq!(history.judge(&seen(None)), None, "dark burst {burst}");
+        let fault = history.judge(&seen(Some(-4f32.ln())));
+        assert_eq!(fault, Some(FrameFault::WrongExposure), "false burst {burst}");
+    }
+}
