@@ -145,3 +145,21 @@ fn light_without_a_period_is_taken_for_flicker_in_few_sequences() {
         assert!(taken <= most, "kind {kind}: {taken} of 100 sequences, expected at most {most}");
     }
 }
+
+/// Three tenths of the bursts are missing, so that the phases of some windows are unevenly distributed.
+#[test]
+fn a_single_false_burst_is_not_taken_for_flicker() {
+    let (mut noise, mut locks) = (Noise(3), 0);
+    for _ in 0..1000 {
+        let mut sequence = Sequence::new(Lamps::Auto);
+        let wrong = 13 + (7.0 * noise.next()) as u32;
+        for burst in 0..24 {
+            if burst == wrong || noise.next() > -0.4 {
+                let level = if burst == wrong { 0.25 * FULL } else { FULL };
+                let (_, found) = sequence.burst(f64::from(burst) * 3.0 / 28.0, level);
+                locks += u32::from(found.frequency_hz.is_some());
+            }
+        }
+    }
+    assert_eq!(locks, 0, "bursts with a frequency");
+}

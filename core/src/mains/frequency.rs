@@ -42,6 +42,10 @@ const LOST: f32 = 0.35;
 const FOUND_WAVEFORM: f32 = 0.93;
 const LEAST_FUNDAMENTAL: f32 = 0.5;
 
+/// Largest fraction of the variance that a single burst may cause if a frequency is to be locked. In eight bursts of a sinusoid it is a
+/// quarter on average; in eight steady bursts and a false one, seven eighths.
+const MOST_OF_ONE: f32 = 0.7;
+
 /// Number of bursts without varying light whose effect equals that of one burst that the frequency explains badly.
 const UNKNOWN: u32 = 8;
 
@@ -192,7 +196,19 @@ pub(super) fn find(window: &Window, regions: &[Cell], lamps: Lamps, has_times: b
     let is_found = |(score, lock): &(f32, Lock)| {
         *score > FOUND[usize::from(has_many)] || (has_many && *score > LEAST_FUNDAMENTAL && is_waveform(lock))
     };
-    best.filter(is_found).map(|(_, lock)| lock)
+    best.filter(is_found).map(|(_, lock)| lock).filter(|_| !is_of_one_burst(window, regions))
+}
+
+/// Returns whether the light of all regions together varies in a single burst alone, which no waveform explains better than a fault.
+fn is_of_one_burst(window: &Window, regions: &[Cell]) -> bool {
+    let mut sums = Cell::default();
+    for region in regions {
+        sums.past.iter_mut().zip(region.past).for_each(|(sum, energy)| *sum += energy);
+    }
+    let bursts = window.count();
+    let Variation { mean, squares } = Variation::of(&sums, bursts);
+    let square = |back: usize| (sums.past[window.slot(back)] - mean) * (sums.past[window.slot(back)] - mean);
+    (0..bursts).any(|back| square(back) > MOST_OF_ONE * squares)
 }
 
 /// Returns whether the phase of `frequency` changes by at least [`LEAST_ADVANCE`] from burst to burst.
