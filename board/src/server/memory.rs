@@ -23,7 +23,7 @@ const IDLE: usize = KEPT_SET_BYTES + KEPT_PICTURE_BYTES;
 /// Largest number of bytes of encoded light sets that stay cached while no client is being sent them.
 pub(super) const KEPT_SET_BYTES: usize = 4 << 20;
 
-/// Length of the largest picture that stays cached, bytes; a larger one is shared only while it is being sent.
+/// Total length of the pictures that stay cached, bytes; a larger picture is shared only while it is being sent.
 pub(super) const KEPT_PICTURE_BYTES: usize = 1 << 20;
 
 /// Length of the longest answer that is made, bytes.
@@ -95,8 +95,9 @@ pub(super) struct Reserved {
 
 impl Reserved {
     /// Counts the encoded `bytes` in place of the reserved length, against the limit for answers of their
-    /// length.
-    pub(super) fn hold(self, bytes: Vec<u8>) -> Arc<Held> {
+    /// length, and frees the part of their block that is not used.
+    pub(super) fn hold(self, mut bytes: Vec<u8>) -> Arc<Held> {
+        bytes.shrink_to_fit();
         let length = bytes.capacity();
         self.live[kind(length)].bytes.fetch_add(length, Relaxed);
         Arc::new(Held { bytes, live: Arc::clone(&self.live) })

@@ -16,6 +16,9 @@ const INTERVAL: Duration = Duration::from_millis(50);
 /// Difference of the nice value of the rendering thread from that of the process.
 const NICE: i32 = 10;
 
+/// Largest number of cached pictures.
+const KEPT: usize = 4;
+
 /// Usual length of a picture, bytes, for which memory is reserved.
 const USUAL_BYTES: usize = 1 << 20;
 
@@ -105,13 +108,35 @@ pub(super) enum NoPicture {
     Fault,
 }
 
-/// Renders pictures on one thread and caches the newest one of each kind.
+/// Renders pictures on one thread and caches the newest ones while requests wait that they can answer.
 pub(super) struct PictureCache {
     /// Locked while a picture is rendered; contains the time of the last rendering.
     making: tokio::sync::Mutex<Option<Instant>>,
-    made: Mutex<Vec<Made>>,
+    cached: Mutex<Cached>,
     thread: Encoder<PictureKind>,
     memory: Arc<AnswerMemory>,
+}
+
+/// The cached pictures, the newest last: at most one of each kind, at most [`KEPT`] and [`KEPT_PICTURE_BYTES`] in all.
+#[derive(Default)]
+struct Cached {
+    made: Vec<Made>,
+    /// Number of requests that wait for a picture. A cached picture answers requests that arrived before its burst: when none waits, the
+    /// cache is emptied.
+    waiting: usize,
+}
+
+/// A request that waits for a picture, counted until it is dropped.
+struct Waiting<'a>(&'a PictureCache);
+
+impl Drop for Waiting<'_> {
+    fn drop(&mut self) {
+        let mut cached = self.0.lock();
+        cached.waiting -= 1;
+        if cached.waiting == 0 {
+            cached.made.clear();
+        }
+    }
 }
 
 struct Made {
@@ -124,8 +149,8 @@ struct Made {
 
 impl PictureCache {
     pub(super) fn new(memory: Arc<AnswerMemory>) -> Self {
-        let (making, made) = (tokio::sync::Mutex::default(), Mutex::default());
-        Self { making, made, thread: Encoder::new("hemilux-picture", NICE), memory }
+        let (making, cached) = (tokio::sync::Mutex::default(), Mutex::default());
+        Self { making, cached, thread: Encoder::new("hemilux-picture", NICE), memory }
     }
 
     /// Returns a picture of `kind`: a cached one whose view is later than this request, or one that `render` makes from the frame or map
@@ -141,6 +166,7 @@ impl PictureCache {
         F: Future<Output = View<T>>,
     {
         let asked_ns = clock::monotonic_ns();
+        let _waiting = self.wait();
         loop {
             let mut last = self.making.lock().await;
             if let Some(picture) = self.find(kind, asked_ns) {
@@ -162,6 +188,11 @@ impl PictureCache {
         }
     }
 
+    fn wait(&self) -> Waiting<'_> {
+        self.lock().waiting += 1;
+        Waiting(self)
+    }
+
     fn keep(
         &self,
         kind: PictureKind,
@@ -178,20 +209,24 @@ impl PictureCache {
             kept.release();
         }
         let picture = Picture { bytes: Bytes::new(), frame, told, is_fresh };
-        let mut made = self.lock();
+        let made = &mut self.lock().made;
         made.retain(|made| made.kind != kind);
+        let total = |made: &[Made]| made.iter().map(|made| made.kept.len()).sum::<usize>();
+        while made.len() == KEPT || !made.is_empty() && total(made) + kept.len() > KEPT_PICTURE_BYTES {
+            made.remove(0);
+        }
         made.push(Made { kind, since_ns, kept, picture: picture.clone() });
         Picture { bytes: body(&held), ..picture }
     }
 
     fn find(&self, kind: PictureKind, asked_ns: u64) -> Option<Picture> {
-        let made = self.lock();
-        let made = made.iter().find(|made| made.kind == kind && made.since_ns >= asked_ns)?;
+        let cached = self.lock();
+        let made = cached.made.iter().find(|made| made.kind == kind && made.since_ns >= asked_ns)?;
         Some(Picture { bytes: made.kept.find()?, ..made.picture.clone() })
     }
 
-    fn lock(&self) -> MutexGuard<'_, Vec<Made>> {
-        self.made.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, Cached> {
+        self.cached.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -220,6 +255,37 @@ mod tests {
         let frames = [a, b, c].map(|picture| picture.expect("a picture").frame);
         assert_eq!((frames, looks.load(Relaxed)), ([0; 3], 1), "one for three");
         assert_eq!(ask().await.expect("a picture").frame, 1, "a later request");
+    }
+
+    /// Requests pictures of `length` bytes in 16 forms, one after another; returns true if all requests were answered.
+    async fn ask_in_16_forms(cache: &PictureCache, length: usize) -> bool {
+        for width in 0..16 {
+            let look = |_| async { View::Of { view: 0, since_ns: clock::monotonic_ns(), is_fresh: true } };
+            let render = move |frame| Some(Rendered { bytes: vec![1; length], frame, told: Told::Nothing });
+            if cache.picture(PictureKind::Exposure(0, Some(width)), look, render).await.is_err() {
+                return false;
+            }
+        }
+        true
+    }
+
+    #[tokio::test]
+    async fn pictures_in_many_forms_do_not_use_up_the_memory() {
+        let memory: Arc<AnswerMemory> = Arc::default();
+        let cache = PictureCache::new(Arc::clone(&memory));
+        assert!(ask_in_16_forms(&cache, KEPT_PICTURE_BYTES).await, "one request at a time");
+        let _waiting = cache.wait();
+        assert!(ask_in_16_forms(&cache, KEPT_PICTURE_BYTES).await, "while another request waits");
+    }
+
+    #[tokio::test]
+    async fn no_picture_stays_cached_when_no_request_waits() {
+        let cache = PictureCache::new(Arc::default());
+        let waiting = cache.wait();
+        assert!(ask_in_16_forms(&cache, 1).await);
+        assert_eq!(cache.lock().made.len(), KEPT, "while a request waits");
+        drop(waiting);
+        assert_eq!(cache.lock().made.len(), 0, "afterwards");
     }
 
     #[tokio::test]

@@ -1,4 +1,5 @@
-//! `/screenshot`: the debug picture under a unique name. The server keeps the last sixteen pictures in memory and writes no file.
+//! `/screenshot`: the debug picture under a unique name. The server keeps the last sixteen pictures, at most 4 MB, in memory
+//! and writes no file.
 
 use super::access::Allowed;
 use super::map_form::MapForm;
@@ -17,8 +18,11 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 /// Form of a screenshot: the map of the hemisphere, with the lights drawn on it.
 const MARKED: MapForm = MapForm { hemisphere: true, width: None, marks: true };
 
-/// Number of screenshots that the server keeps.
+/// Largest number of screenshots that the server keeps.
 const KEPT: usize = 16;
+
+/// Largest total length of the screenshots that the server keeps, bytes.
+const KEPT_BYTES: usize = 4 << 20;
 
 /// The kept screenshots with their names, the newest first.
 #[derive(Debug, Default)]
@@ -27,13 +31,17 @@ pub(super) struct Screenshots {
 }
 
 impl Screenshots {
-    /// Stores a screenshot as PNG; returns the names of all kept screenshots, the newest first.
-    fn keep(&self, run: &str, frame: u64, png: Bytes) -> Vec<String> {
+    /// Stores a copy of a screenshot as PNG; returns the names of all kept screenshots, the newest first. The memory of `png` counts among
+    /// the answers in progress, that of the copy does not.
+    fn keep(&self, run: &str, frame: u64, png: &[u8]) -> Vec<String> {
         let mut guard = self.lock();
         let (count, pictures) = &mut *guard;
         *count += 1;
         pictures.truncate(KEPT - 1);
-        pictures.push_front((format!("{run}-{frame:06}-{count}.png"), png));
+        pictures.push_front((format!("{run}-{frame:06}-{count}.png"), Bytes::copy_from_slice(png)));
+        while pictures.len() > 1 && pictures.iter().map(|(_, png)| png.len()).sum::<usize>() > KEPT_BYTES {
+            pictures.pop_back();
+        }
         pictures.iter().map(|(name, _)| name.clone()).collect()
     }
 
@@ -60,7 +68,7 @@ pub(super) async fn take(State(context): State<Context>, _: Allowed) -> Response
         Ok(picture) => picture,
         Err(why) => return no_picture(&context, why),
     };
-    let names = context.answers.screenshots.keep(link.run(), picture.frame, picture.bytes);
+    let names = context.answers.screenshots.keep(link.run(), picture.frame, &picture.bytes);
     ([(CACHE_CONTROL, "no-store")], pages::screenshot(&names)).into_response()
 }
 
@@ -72,7 +80,7 @@ pub(super) async fn kept(State(context): State<Context>, _: Allowed, Path(name):
             ([(CONTENT_TYPE, "image/png"), (CACHE_CONTROL, "private, max-age=86400, immutable")], png)
                 .into_response()
         }
-        None => line(StatusCode::NOT_FOUND, "no such screenshot: the last sixteen are kept"),
+        None => line(StatusCode::NOT_FOUND, "no such screenshot: the last sixteen are kept, at most 4 MB"),
     }
 }
 
@@ -85,7 +93,7 @@ mod tests {
         let screenshots = Screenshots::default();
         let mut all = Vec::new();
         for i in 0..20 {
-            all = screenshots.keep("k3v9", 7, Bytes::from(vec![i]));
+            all = screenshots.keep("k3v9", 7, &[i]);
         }
         assert_eq!(
             (all.len(), all[0].as_str(), all[15].as_str()),
@@ -94,5 +102,16 @@ mod tests {
         );
         assert_eq!(screenshots.find(&all[15]), Some(Bytes::from_static(&[4])), "the oldest that stays");
         assert_eq!(screenshots.find("k3v9-000007-4.png"), None, "gone");
+    }
+
+    #[test]
+    fn large_screenshots_are_kept_up_to_four_megabytes() {
+        let screenshots = Screenshots::default();
+        let mut kept = Vec::new();
+        for _ in 0..6 {
+            kept.push(screenshots.keep("k3v9", 7, &vec![0; 1 << 20]).len());
+        }
+        kept.push(screenshots.keep("k3v9", 7, &vec![0; 5 << 20]).len());
+        assert_eq!(kept, [1, 2, 3, 4, 4, 4, 1], "the newest one always");
     }
 }
