@@ -18,6 +18,7 @@ struct Radiance {
 }
 
 /// The sensor model of the `f64` implementation: depth, levels and response.
+#[derive(Clone)]
 struct Sensor {
     response: Response,
     depth: Depth,
@@ -433,6 +434,40 @@ fn all_merge_loops_follow_the_same_rules() {
                     sensor.response
                 );
             }
+        }
+    }
+}
+
+#[test]
+fn merged_counts_do_not_depend_on_the_scale_and_are_always_finite() {
+    let linear = Sensor { response: Response::Linear, depth: Depth::U8, black: 0.0, white: 255.0 };
+    let curved = Sensor { response: polynomial(), ..linear };
+    for sensor in [linear, curved] {
+        let counts = |scale: f64, seconds: [f64; 2]| {
+            let exposures = times(&seconds);
+            let levels = Levels { black: sensor.black, white: sensor.white };
+            let curve =
+                Curve::try_new(&sensor.response, sensor.depth, levels, vec![0; curve_len(sensor.depth)])
+                    .expect("sound");
+            let size = merge_size(&curve, &exposures).expect("sound exposures");
+            let merge =
+                Merge::try_new(curve, &exposures, scale, vec![0; size.tables], room(size.reciprocals))
+                    .expect("sound");
+            let mut counts = [0.0; 6];
+            // A dark, a medium and a clipped sample in each exposure.
+            let codes = [[0u8, 90, 255, 0, 0, 255], [0, 200, 255, 255, 90, 0]];
+            merge.view().samples(&codes.each_ref().map(|c| Codes::Bytes(c)), Channels::RGB, &mut counts);
+            (counts, merge.view().unit())
+        };
+        let (usual, _) = counts(1.0, [0.001, 0.03]);
+        assert!(usual.iter().all(|v| v.is_finite() && *v >= 0.0), "{usual:?}");
+        for scale in [5e-324, f64::MIN_POSITIVE, 1e300] {
+            assert_eq!(counts(scale, [0.001, 0.03]).0, usual, "{scale}");
+        }
+        for (scale, time) in [(1e300, 1e-300), (1e-300, 1e300), (5e-324, 1e300)] {
+            let (found, unit) = counts(scale, [0.001 * time, 0.03 * time]);
+            assert!(found.iter().all(|v| v.is_finite() && *v >= 0.0), "{scale}, {time}: {found:?}");
+            assert!(unit.is_finite(), "{scale}, {time}: {unit}");
         }
     }
 }

@@ -163,11 +163,12 @@ impl<C: AsRef<[i32]>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
             (MergeLoop::Table(table::Scale { whole: Some(whole), .. }), _) => whole.one,
             _ => f64::from(1u32 << 20),
         };
-        let unit = scale / (least_gain * shortest) / counts;
+        // Finite for any scale: factors of it would not be numbers otherwise.
+        let unit = (scale / (least_gain * shortest) / counts).min(f64::MAX);
         for (mask, r) in reciprocals.as_mut().iter_mut().enumerate().take(size.reciprocals) {
             let used = || exposures.iter().enumerate().filter(|(i, _)| mask >> i & 1 == 1);
             let seconds: f64 = used().map(|(_, e)| e.seconds).sum();
-            let factor = scale / (least_gain * seconds) / unit / one;
+            let factor = counts * (shortest / seconds) / one;
             let lifted: f64 = used().map(|(_, e)| least_gain / e.gain * raised * one).sum();
             *r = if mask == 0 {
                 Reciprocal { factor: f32::NAN, offset: 0.0 }
