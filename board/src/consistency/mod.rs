@@ -33,6 +33,8 @@ const PAIRS: usize = 2 * MAX_EXPOSURES;
 pub struct Inspector {
     grid: Grid,
     frames: Vec<Sampled>,
+    /// One bit for each element of `frames`, set if it has samples.
+    sampled: u16,
     scratch: Scratch,
     /// Running statistics of each pair of neighbouring exposures, by the index of the shorter one.
     history: [History; MAX_EXPOSURES],
@@ -68,7 +70,16 @@ impl Inspector {
         frames.resize_with(exposures.min(MAX_EXPOSURES), || grid.empty());
         let scratch = Scratch::with_capacity(grid.len());
         let (history, levels) = ([History::default(); MAX_EXPOSURES], Levels::new(grid.code, grid.least));
-        Ok(Self { grid, frames, scratch, history, levels, recent: Recent::default(), is_uncertain: false })
+        Ok(Self {
+            grid,
+            frames,
+            sampled: 0,
+            scratch,
+            history,
+            levels,
+            recent: Recent::default(),
+            is_uncertain: false,
+        })
     }
 
     /// Sets the exposures of the frames of the next whole bursts: one frame of another exposure is then in doubt if no comparison confirms it.
@@ -97,13 +108,18 @@ impl Inspector {
         self.is_uncertain = false;
         let frames = &burst.frames[..burst.frames.len().min(MAX_EXPOSURES)];
         if frames.len() < 2 {
+            self.sampled = 0;
             return left_out;
         }
         while self.frames.len() < frames.len() {
             self.frames.push(self.grid.empty());
         }
-        for (frame, sampled) in frames.iter().zip(&mut self.frames) {
-            self.grid.sample(frame, sampled);
+        for (index, (frame, sampled)) in frames.iter().zip(&mut self.frames).enumerate() {
+            // A frame of the burst before has the same samples.
+            if burst.is_new(index) || self.sampled >> index & 1 == 0 {
+                self.grid.sample(frame, sampled);
+                self.sampled |= 1 << index;
+            }
         }
         let verdicts = self.compare(frames);
         let mut indices: [usize; MAX_EXPOSURES] = core::array::from_fn(|i| i);
