@@ -142,6 +142,11 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
         }
     }
 
+    /// Computes the quads of all orders below that of the map from texels whose energies and first moments are valid: finite, and not negative.
+    pub(crate) fn sum_up(&mut self) {
+        sum_up(self.quads.as_mut(), self.domain, self.order);
+    }
+
     /// Computes the quads of all orders below that of the map from the texels.
     ///
     /// Texels outside of the domain, and texels with negative or non-finite numbers, are set to 0 first: samplers rely on valid quads.
@@ -248,7 +253,7 @@ fn light(quad: &mut Quad, lanes: [f32; 4], texel: &Texel, rgb: &impl Fn([f32; 4]
 
 /// Returns `v`, or 0 if it is negative, without a comparison: on small cores a comparison would cost more than the sum.
 #[inline]
-fn positive(v: f32) -> f32 {
+pub(crate) fn positive(v: f32) -> f32 {
     f32::from_bits((v.to_bits() as i32).max(0) as u32)
 }
 

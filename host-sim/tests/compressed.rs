@@ -1,7 +1,7 @@
 //! Lights of a camera's JPEG frames, compared with the lights of its uncompressed frames.
 
 use hemilux::calibration::{Burst, Calibration, Frame, Pixels};
-use hemilux::pipeline::{Pipeline, Settings};
+use hemilux::pipeline::{Pipeline, Settings, WindowMode};
 use hemilux::v4l2::Size;
 use hemilux::v4l2::jpeg::Jpeg;
 use hemilux_core::format::{Format, Layout, Matrix, Yuv};
@@ -72,6 +72,7 @@ fn jpeg_frames_of_quality_85_give_the_lights_of_yuyv_frames_within_1_5_percent()
         let case = Case {
             format: Format::Yuyv(yuv),
             merge: MergeMode::Needed,
+            window: WindowMode::Burst,
             size,
             bin: 1,
             sampler: SamplerKind::Q2Tree,

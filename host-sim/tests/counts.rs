@@ -80,3 +80,39 @@ fn readmes_have_the_instruction_counts_of_the_baseline() {
     let row = format!("| ARMv7 with NEON, instructions | {} |", totals.join(" | "));
     assert!(top.contains(&row), "expected in README.md: {row}");
 }
+
+#[test]
+fn readmes_have_the_counts_of_all_exposures_and_of_a_sliding_window() {
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+    let read = |name: &str| read_to_string(format!("{root}/{name}")).expect(name);
+    let (baseline, top, core) =
+        (read("tests/instructions/baseline.txt"), read("README.md"), read("core/README.md"));
+    let counts = |case: &str| -> Vec<f64> {
+        let line = baseline.lines().find_map(|l| l.strip_prefix(&format!("{case}:640x480:q2tree:64 ")));
+        let numbers = line.expect(case).split_whitespace();
+        numbers.map(|n| n.parse::<f64>().expect("a count") / 1e6).collect()
+    };
+    let names = [
+        ("rgb24+all", "RGB24, `q2tree`, `MergeMode::All`"),
+        ("yuyv+all", "YUYV, `q2tree`, `MergeMode::All`"),
+        ("rgb24+sliding", "RGB24, `q2tree`, one frame of a `Window`"),
+        ("yuyv+sliding", "YUYV, `q2tree`, one frame of a `Window`"),
+    ];
+    for (case, name) in names {
+        let own = counts(case);
+        let row = format!(
+            "| {name} | {:.1} M | {:.2} M | {:.2} M | {:.2} M | {:.1} M |",
+            own[0], own[1], own[2], own[3], own[4]
+        );
+        assert!(core.contains(&row), "expected in core/README.md: {row}");
+    }
+    let [sliding, needed, all] = ["rgb24+sliding", "rgb24", "rgb24+all"].map(|case| counts(case)[4]);
+    let told = [
+        format!("A set takes {sliding:.1} M instructions on ARMv7 (RGB24, `q2tree`, 64 lights)"),
+        format!("the three sets of a burst take {:.1} x as many", 3.0 * sliding / needed),
+        format!("and {:.1} x as many as that set with `--merge all`", 3.0 * sliding / all),
+    ];
+    for told in told {
+        assert!(top.contains(&told), "expected in README.md: {told}");
+    }
+}

@@ -1,6 +1,7 @@
 //! Replay of raw recordings of the form that `hemilux record` writes.
 
 use hemilux::calibration::{Calibration, Pixels};
+use hemilux::pipeline::WindowMode;
 use hemilux_core::format::{Format, Yuv};
 use hemilux_core::{MergeMode, SamplerKind};
 use hemilux_sim::bench::{Case, bursts};
@@ -55,6 +56,7 @@ fn replay(fourcc: &str) -> Value {
     let case = Case {
         format,
         merge: MergeMode::Needed,
+        window: WindowMode::Burst,
         size: (320, 240),
         bin: 1,
         sampler: SamplerKind::Q2Tree,

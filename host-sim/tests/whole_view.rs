@@ -1,6 +1,6 @@
 //! Lights of a sensor's binned full-size frames, compared with the lights of its 640 x 480 mode.
 
-use hemilux::pipeline::{Pipeline, Settings};
+use hemilux::pipeline::{Pipeline, Settings, WindowMode};
 use hemilux_core::format::{Format, Pattern};
 use hemilux_core::{MergeMode, SamplerKind};
 use hemilux_sim::bench::{Case, bursts};
@@ -13,6 +13,7 @@ fn lights(size: (u32, u32), bin: u32) -> LitSet {
     let case = Case {
         format,
         merge: MergeMode::Needed,
+        window: WindowMode::Burst,
         size,
         bin,
         sampler: SamplerKind::Q2Tree,

@@ -25,7 +25,7 @@ arm-linux-gnueabihf-nm -CS --defined-only "$sim" >"$work/symbols"
     awk '$3 ~ /^[tTwW]$/ {
         name = substr($0, index($0, $4)); stage = ""
         if (name ~ /sampler::/) stage = "sample"
-        else if (name ~ /hemilux_core::pyramid|hemilux_core::lanes|hemilux_core::extrapolation|hemilux_core::polar/) stage = "pyramid"
+        else if (name ~ /hemilux_core::(pyramid|window|lanes|extrapolation|polar)/) stage = "pyramid"
         else if (name ~ /hemilux_core::(front|merge|response)/) stage = "front"
         if (stage != "") print $1, $2, stage
     }' "$work/symbols" | python3 -c 'import sys

@@ -2,9 +2,10 @@
 
 use super::mark::Mark;
 use crate::healpix;
-use crate::merge::{Codes, Limits};
+use crate::merge::{BLOCK, Codes, Limits};
 use crate::pixel_table::{CHUNK, Run};
 use crate::pyramid::Quad;
+use core::ops::Range;
 
 /// Integer radiances of a chunk: up to four samples per pixel, and four elements of padding that [`sum_up`] reads.
 pub(super) type Counts = [i32; 4 * CHUNK + 4];
@@ -227,6 +228,13 @@ fn cut_and_add(
     runs.len().min(weights.len())
 }
 
+/// Returns whether one of the codes `at` is `limit` or more.
+#[inline]
+fn reach(codes: &[u8], limit: u32, at: Range<usize>) -> bool {
+    let codes = codes.get(at).unwrap_or_default();
+    u8::try_from(limit).is_ok_and(|limit| codes.iter().any(|code| *code >= limit))
+}
+
 impl Runs<'_> {
     /// Adds the light of the first `len` pixels, computed from their prefix sums, and removes the runs of these pixels.
     pub(super) fn add_merged(
@@ -296,16 +304,51 @@ impl Runs<'_> {
         limits: Limits,
         quads: &mut [Quad],
     ) {
+        let blocks = codes.blocks_that_reach(limits.bright.min(limits.clipped), samples);
+        let at = |pixels: Range<usize>| samples * pixels.start..samples * pixels.end;
+        match codes {
+            Codes::Bytes(codes) => {
+                self.mark_where(|limit, pixels| reach(codes, limit, at(pixels)), blocks, len, limits, quads);
+            }
+            Codes::Planes(planes) => {
+                let reach = |limit, pixels: Range<usize>| {
+                    planes.iter().any(|plane| reach(plane, limit, pixels.clone()))
+                };
+                self.mark_where(reach, blocks, len, limits, quads);
+            }
+            _ => {
+                let reach = |limit, pixels| at(pixels).any(|at| codes.code(at) >= limit);
+                self.mark_where(reach, blocks, len, limits, quads);
+            }
+        }
+    }
+
+    /// Does the work of [`Runs::mark`]. `reach` returns whether a range of pixels has a code of a limit or more; `blocks` has a bit for
+    /// each block of pixels, set if a code of the block reaches one of `limits`.
+    #[inline]
+    fn mark_where(
+        &self,
+        reach: impl Fn(u32, Range<usize>) -> bool,
+        blocks: u32,
+        len: usize,
+        limits: Limits,
+        quads: &mut [Quad],
+    ) {
+        let least = limits.bright.min(limits.clipped);
         let mut first = 0;
         for run in self.runs {
-            let end = (first + run.len()).min(len);
-            let most = (samples * first..samples * end).map(|at| codes.code(at)).fold(0, u32::max);
-            let mark = Mark { bright: most >= limits.bright, clipped: most >= limits.clipped };
-            if let Some(quad) = quads.get_mut(run.texel()) {
-                mark.add_to(quad);
+            let pixels = first..(first + run.len()).min(len);
+            first = pixels.end;
+            // A run lies in at most two blocks.
+            let may_reach = blocks.unbounded_shr((pixels.start / BLOCK) as u32) & 3 != 0;
+            if may_reach
+                && reach(least, pixels.clone())
+                && let Some(quad) = quads.get_mut(run.texel())
+            {
+                let reach = |limit| limit == least || reach(limit, pixels.clone());
+                Mark { bright: reach(limits.bright), clipped: reach(limits.clipped) }.add_to(quad);
             }
-            first = end;
-            if end >= len {
+            if first >= len {
                 break;
             }
         }
@@ -373,5 +416,43 @@ mod tests {
             assert_eq!((quads[0], below[0]), (quads[1], below[1]), "{len} places");
             assert!(quads[0].iter().any(|q| q.energy[1] != 0.0), "light");
         }
+    }
+
+    /// The expected marks are those of a loop over the pixels of each run.
+    #[test]
+    fn texels_are_marked_by_the_largest_code_of_their_pixels_in_every_layout() {
+        let lens = [16, 1, 7, 16, 3, 12, 16, 16, 5, 9, 16, 2, 11, 16, 14, 16, 16];
+        let runs = core::array::from_fn::<_, 17, _>(|i| Run::new(i as u32, lens[i]));
+        let places: usize = lens.iter().sum();
+        let mut state = 1u32;
+        // Bright pixels are rare, so that most blocks have none.
+        let codes: [u8; 3 * CHUNK] = core::array::from_fn(|_| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            if state >> 26 == 0 { (state >> 16) as u8 } else { (state >> 25) as u8 }
+        });
+        let words = codes.map(u16::from);
+        let planes: [[u8; CHUNK]; 3] =
+            core::array::from_fn(|lane| core::array::from_fn(|i| codes[3 * i + lane]));
+        let layouts =
+            [Codes::Bytes(&codes), Codes::Words(&words), Codes::Planes([0, 1, 2].map(|i| &planes[i][..]))];
+        let limits = [(150, 250), (u32::MAX, 200), (140, u32::MAX), (0, 255)];
+        for (bright, clipped) in limits {
+            for (layout, len) in layouts.iter().flat_map(|layout| [(layout, CHUNK), (layout, 101)]) {
+                let mut quads = [Quad::default(); 17];
+                let limits = Limits { bright, clipped, saturated: 255 };
+                Runs { runs: &runs, weights: &[1; 17] }.mark(layout, 3, len, limits, &mut quads);
+                let mut first = 0;
+                for (quad, run) in quads.iter().zip(lens) {
+                    let pixels = first.min(len)..(first + run).min(len);
+                    let most =
+                        codes[3 * pixels.start..3 * pixels.end].iter().max().map(|code| u32::from(*code));
+                    let reaches = |limit| most.is_some_and(|most| most >= limit);
+                    let expected = Mark { bright: reaches(bright), clipped: reaches(clipped) };
+                    assert_eq!(Mark::of(quad), expected, "{layout:?}: run from {first}, {len} pixels");
+                    first += run;
+                }
+            }
+        }
+        assert!(places >= CHUNK, "{places}");
     }
 }

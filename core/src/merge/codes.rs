@@ -1,6 +1,6 @@
 //! The input of the merge: samples of frames, and unpacked codes.
 
-use super::linear::extreme;
+use super::linear::{Code, extreme};
 
 /// The samples of one frame, packed as a [`crate::format::Layout`] states.
 #[derive(Clone, Copy, Debug)]
@@ -39,6 +39,9 @@ impl Samples<'_> {
         self.len() == 0
     }
 }
+
+/// Number of pixels of the blocks of [`Codes::blocks_that_reach`]; a run has at most as many.
+pub(crate) const BLOCK: usize = 16;
 
 /// The unpacked codes of a part of a frame, one per sample.
 #[derive(Clone, Copy, Debug)]
@@ -92,6 +95,18 @@ impl<'a> Codes<'a> {
         !matches!(self, Self::Unread)
     }
 
+    /// Returns one bit for each block of [`BLOCK`] pixels of `samples` samples, set if a code of the block is `limit` or more.
+    pub(crate) fn blocks_that_reach(&self, limit: u32, samples: usize) -> u32 {
+        match self {
+            Self::Bytes(codes) => blocks(codes, u8::max, limit, samples),
+            Self::Words(codes) => blocks(codes, u16::max, limit, samples),
+            Self::Planes(planes) => {
+                planes.iter().fold(0, |bits, plane| bits | blocks(plane, u8::max, limit, 1))
+            }
+            Self::Unread => 0,
+        }
+    }
+
     /// Returns whether every code is below `limit`.
     pub(crate) fn are_below(&self, limit: u32) -> bool {
         let bytes = |codes: &[u8]| u32::from(extreme(codes, u8::max)) < limit;
@@ -119,6 +134,13 @@ impl<'a> Codes<'a> {
     pub(super) fn words(&self) -> Option<&'a [u16]> {
         if let Self::Words(s) = *self { Some(s) } else { None }
     }
+}
+
+/// Does the work of [`Codes::blocks_that_reach`] for contiguous codes.
+fn blocks<T: Code + Into<u32>>(codes: &[T], most: impl Fn(T, T) -> T, limit: u32, samples: usize) -> u32 {
+    let reach = |block: &[T]| u32::from(extreme(block, &most).into() >= limit);
+    let blocks = codes.chunks(BLOCK * samples.max(1)).enumerate();
+    blocks.fold(0, |bits, (index, block)| bits | reach(block).unbounded_shl(index as u32))
 }
 
 /// The channel (0 red, 1 green, 2 blue) of each sample; the pattern repeats along a row.

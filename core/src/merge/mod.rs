@@ -22,6 +22,7 @@ use crate::buffer::{self, Buffer};
 use crate::response::{CURVE_BITS, Curve, Depth};
 use crate::tally::Tally;
 use bytemuck::{Pod, Zeroable};
+pub(crate) use codes::BLOCK;
 pub use codes::{Channels, Codes, Samples};
 pub(crate) use detached::{Detached, Tables};
 use exposure::check;

@@ -39,16 +39,24 @@ pub(super) struct Marks {
 impl Marks {
     #[inline]
     pub(super) fn set(&mut self, index: usize, mark: Mark) {
-        let bit = 1 << (index & 15);
+        let bit = bit(index) as u16;
         let with = |bits: u16, is: bool| if is { bits | bit } else { bits & !bit };
         (self.bright, self.clipped) = (with(self.bright, mark.bright), with(self.clipped, mark.clipped));
     }
 
+    /// Returns whether one of the exposures `older` can be chosen in place of `best`: a longer one, or a shorter one with light that longer
+    /// ones cannot measure.
     #[inline]
-    fn of(self, index: usize) -> Mark {
-        let has = |bits: u16| bits >> (index & 15) & 1 != 0;
-        Mark { bright: has(self.bright), clipped: has(self.clipped) }
+    fn may_replace(self, best: usize, older: u32) -> bool {
+        let longer = (u32::MAX << 1) << (best & 15);
+        older & (longer | u32::from(self.bright)) != 0
     }
+}
+
+/// Returns the bit of exposure `index`.
+#[inline]
+fn bit(index: usize) -> u32 {
+    1 << (index & 15)
 }
 
 /// Luminance of a pixel at two codes of one exposure.
@@ -65,6 +73,8 @@ pub(super) struct Level {
 pub(super) struct Frames {
     by_age: [usize; MAX_EXPOSURES],
     count: usize,
+    /// One bit for each exposure of which there is a frame.
+    known: u32,
     levels: [Level; MAX_EXPOSURES],
     /// Mean weight of a pixel, its share of the solid angle, steradians.
     pixel: f32,
@@ -72,7 +82,7 @@ pub(super) struct Frames {
 
 impl Frames {
     pub(super) fn new(levels: [Level; MAX_EXPOSURES], pixel: f32) -> Self {
-        Self { by_age: [0; MAX_EXPOSURES], count: 0, levels, pixel }
+        Self { by_age: [0; MAX_EXPOSURES], count: 0, known: 0, levels, pixel }
     }
 
     /// Returns the number of exposures of which there is a frame.
@@ -95,40 +105,64 @@ impl Frames {
             newer.rotate_right(1);
         }
         self.by_age[0] = index;
+        self.known |= bit(index);
     }
 
     /// Returns the index of the exposure whose energy a texel has in the map. `energies` are the texel's energies by exposure; `weight` is
     /// the sum of the weights of its pixels, steradians.
     #[inline]
     pub(super) fn choose(&self, energies: &[[f32; 4]], marks: Marks, weight: f32) -> usize {
-        let mut chosen: Option<(usize, f32)> = None;
-        for &index in self.by_age.iter().take(self.count) {
-            let mark = marks.of(index);
-            let Some([.., y]) = energies.get(index).filter(|_| !mark.clipped) else { continue };
-            let Some((best, best_y)) = chosen else {
-                chosen = Some((index, *y));
+        let newest = self.newest();
+        let measured = self.known & !u32::from(marks.clipped);
+        let is_settled = measured & bit(newest) != 0 && !marks.may_replace(newest, measured & !bit(newest));
+        if is_settled { newest } else { self.search(energies, marks, measured, weight) }
+    }
+
+    /// Visits the frames of the exposures `measured`, in which the texel is not clipped, from the newest to the oldest, as long as one of the
+    /// remaining frames can be chosen.
+    // Not inlined: the loop over the texels keeps its values in registers.
+    #[inline(never)]
+    fn search(&self, energies: &[[f32; 4]], marks: Marks, mut measured: u32, weight: f32) -> usize {
+        let level = |index: usize| energies.get(index).map_or(0.0, |energy| energy[3]);
+        let mut ages = self.by_age.get(..self.count).unwrap_or_default().iter();
+        let Some(&first) = ages.find(|index| measured & bit(**index) != 0) else { return self.newest() };
+        let (mut best, mut most) = (first, level(first));
+        measured &= !bit(first);
+        for &index in ages {
+            if measured & bit(index) == 0 {
                 continue;
-            };
-            if self.agree([(best, best_y), (index, *y)], weight) {
-                if index > best {
-                    chosen = Some((index, *y));
-                }
-            } else if index < best && mark.bright && *y > best_y {
-                chosen = Some((index, *y));
-            } else {
+            }
+            if !marks.may_replace(best, measured) {
                 break;
             }
+            measured &= !bit(index);
+            let own = level(index);
+            let is_chosen = if self.agree([(best, most), (index, own)], weight) {
+                index > best
+            } else if index < best && bit(index) & u32::from(marks.bright) != 0 && own > most {
+                true
+            } else {
+                break;
+            };
+            if is_chosen {
+                (best, most) = (index, own);
+            }
         }
-        chosen.map_or(self.newest(), |(index, _)| index)
+        best
     }
 
     /// Returns true if the luminance energies of a texel in two exposures, each given with the index of its exposure, differ by no more
     /// than noise.
     #[inline]
     fn agree(&self, [(a, own), (b, other)]: [(usize, f32); 2], weight: f32) -> bool {
+        let most = if own > other { own } else { other };
+        let excess = (own - other).abs() - TOLERANCE * most;
+        // Most texels of a still scene need no further step.
+        if excess <= 0.0 {
+            return true;
+        }
         let shorter = self.levels.get(a.min(b)).copied().unwrap_or_default();
-        let most = own.max(other);
-        let excess = (own - other).abs() - TOLERANCE * most - shorter.dark * weight;
+        let excess = excess - shorter.dark * weight;
         // Nearly all noise of the difference is that of the shorter exposure.
         let full = shorter.full;
         let variance = self.pixel * full * (DARK_NOISE * DARK_NOISE * full * weight + PHOTON_NOISE * most);

@@ -13,12 +13,13 @@ use crate::error::FrontError;
 use crate::format::{Format, Layout};
 use crate::front::{self, BurstError, Coverage, Excluded, Mark};
 use crate::healpix::Domain;
-use crate::lanes::Lanes;
+use crate::lanes::{Lanes, Pick};
 use crate::merge::{
     Detached, Exposure, Limits, MAX_EXPOSURES, Merge, MergeError, MergeMode, MergeView, Reciprocal, Samples,
     Tables, merge_size,
 };
-use crate::pixel_table::PixelTableView;
+use crate::pixel_table::{PixelTableView, Texel};
+use crate::pyramid::{Quad, positive};
 use crate::response::CURVE_BITS;
 use crate::sizes;
 use crate::stages::Stages;
@@ -260,30 +261,62 @@ impl State {
         let Some(merge) = self.merge(newest, stages, &buffers) else { return self.coverage };
         let lanes = front::lanes(layout, &merge, &stages.pixel_table, *white_balance);
         let Stages { pixel_table, map, .. } = stages;
-        let Buffers { energies, weights, marks, .. } = buffers;
-        let quads = map.sums_mut(pixel_table.source_order);
-        let texels = energies.chunks_exact_mut(self.sizes.exposures.max(1)).zip(marks).zip(weights);
-        for (quad, ((energies, marks), weight)) in quads.iter_mut().zip(texels) {
-            if *weight == 0.0 {
-                continue;
-            }
-            marks.set(newest, Mark::of(quad));
-            if let Some(energy) = energies.get_mut(newest) {
-                let [r, g, b] = lanes.rgb(lanes.sums(quad).map(|v| v.max(0.0)));
-                *energy = [r, g, b, luminance([r, g, b])];
-            }
-            let chosen = self.frames.choose(energies, *marks, *weight);
-            quad.energy = energies.get(chosen).copied().unwrap_or_default();
-            quad.moment = [0.0; 4];
+        let Buffers { energies, marks, weights, .. } = buffers;
+        let (quads, geometry) = (map.sums_mut(pixel_table.source_order), pixel_table.texels);
+        let texels = Texels { quads, geometry, energies, marks, weights };
+        match (lanes.pick, &lanes.tally) {
+            (Pick::Plain, Some(tally)) => self.choose(texels, |quad| {
+                let [r, g, b, _] = tally.settled(quad).map(positive);
+                lanes.scaled([r, g, b])
+            }),
+            _ => self.choose(texels, |quad| lanes.rgb(lanes.sums(quad).map(positive))),
         }
-        let plain = Lanes::of(Format::Rgb24, [1.0; 3]);
-        map.finish(pixel_table.source_order, pixel_table.texels, &plain);
+        if pixel_table.source_order == pixel_table.order {
+            map.sum_up();
+        } else {
+            let plain = Lanes::of(Format::Rgb24, [1.0; 3]);
+            map.finish(pixel_table.source_order, pixel_table.texels, &plain);
+        }
         let seen = front::coverage(excluded, &lanes, pixel_table, map);
         if newest == 0 {
             self.coverage = seen;
         }
         self.coverage
     }
+
+    /// Replaces the energies of the newest exposure by those of the sums in the quads, as `rgb` converts them, and each quad by energy and
+    /// first moment of the chosen exposure. The first moments are valid if the quads are the texels of the map.
+    #[inline]
+    fn choose(&self, texels: Texels<'_>, rgb: impl Fn(&Quad) -> [f32; 3]) {
+        let newest = self.frames.newest();
+        let Texels { quads, geometry, energies, marks, weights } = texels;
+        let stored = energies.chunks_exact_mut(self.sizes.exposures.max(1)).zip(marks).zip(weights);
+        for ((quad, texel), ((energies, marks), weight)) in quads.iter_mut().zip(geometry).zip(stored) {
+            if *weight == 0.0 {
+                continue;
+            }
+            let mut own = *marks;
+            own.set(newest, Mark::of(quad));
+            *marks = own;
+            if let Some(energy) = energies.get_mut(newest) {
+                let [r, g, b] = rgb(quad);
+                *energy = [r, g, b, luminance([r, g, b])];
+            }
+            let chosen = self.frames.choose(energies, own, *weight);
+            let energy = *energies.get(chosen).unwrap_or(&[0.0; 4]);
+            let [x, across, up] = texel.direction.map(|d| d * energy[3]);
+            *quad = Quad { energy, moment: [x, across, up, 0.0] };
+        }
+    }
+}
+
+/// The texels of a window: their quads, centroids, energies in each exposure, marks and weights.
+struct Texels<'m> {
+    quads: &'m mut [Quad],
+    geometry: &'m [Texel],
+    energies: &'m mut [[f32; 4]],
+    marks: &'m mut [Marks],
+    weights: &'m [f32],
 }
 
 /// Writes the sum of the weights of the pixels of each texel to `weights`, steradians.

@@ -1,5 +1,6 @@
 //! Benchmark cases: a pixel format, a size, a sampler and a number of lights.
 
+use hemilux::pipeline::WindowMode;
 use hemilux::samplers::MAX_LIGHTS;
 use hemilux_core::format::{Format, Layout, Pattern, Yuv};
 use hemilux_core::{MergeMode, SamplerKind};
@@ -26,6 +27,9 @@ const SOFT: &str = "+soft";
 /// Suffix of the format's name in cases with [`MergeMode::All`].
 const ALL: &str = "+all";
 
+/// Suffix of the format's name in cases with a set for every frame.
+const SLIDING: &str = "+sliding";
+
 /// Largest width or height of the frames of a benchmark case, pixels.
 const MAX_SIDE: u32 = 4096;
 
@@ -36,6 +40,8 @@ pub struct Case {
     pub format: Format,
     /// Mode by which the merge selects the exposures that it reads.
     pub merge: MergeMode,
+    /// The frames that a set is computed from.
+    pub window: WindowMode,
     /// Columns and rows of the frames, pixels.
     pub size: (u32, u32),
     /// Number of mosaic cells along each side of a merged pixel: 1, 2, 4 or 8.
@@ -61,8 +67,12 @@ impl fmt::Display for Case {
         let (w, h) = self.size;
         let bin = if self.bin > 1 { format!("/{}", self.bin) } else { String::new() };
         let soft = if self.soft { SOFT } else { "" };
-        let all = if self.merge == MergeMode::All { ALL } else { "" };
-        write!(f, "{}{all}{bin}:{w}x{h}:{}{soft}:{}", self.format_name(), self.sampler, self.lights)
+        let mode = match (self.merge, self.window) {
+            (_, WindowMode::Sliding) => SLIDING,
+            (MergeMode::All, _) => ALL,
+            _ => "",
+        };
+        write!(f, "{}{mode}{bin}:{w}x{h}:{}{soft}:{}", self.format_name(), self.sampler, self.lights)
     }
 }
 
@@ -77,6 +87,9 @@ impl FromStr for Case {
         let (format, bin) = format.split_once('/').unwrap_or((format, "1"));
         let all = format.strip_suffix(ALL);
         let (format, merge) = all.map_or((format, MergeMode::Needed), |name| (name, MergeMode::All));
+        let sliding = format.strip_suffix(SLIDING);
+        let (format, window) =
+            sliding.map_or((format, WindowMode::Burst), |name| (name, WindowMode::Sliding));
         let bin = bin.parse().map_err(|_| format!("bin '{bin}', expected 1, 2, 4 or 8"))?;
         let names = FORMATS.map(|(name, _)| name).join(", ");
         let known = FORMATS.iter().find(|(name, _)| *name == format);
@@ -91,7 +104,7 @@ impl FromStr for Case {
         let lights = lights.parse().ok().filter(|n| (1..=MAX_LIGHTS).contains(n)).ok_or_else(shape)?;
         let layout = Layout::tight(format, size.0, size.1).and_then(|layout| layout.binned(bin));
         layout.map_err(|_| format!("bin '{bin}', expected 1, or 2, 4 or 8 for a Bayer mosaic"))?;
-        Ok(Self { format, merge, size, bin, sampler, soft, lights })
+        Ok(Self { format, merge, window, size, bin, sampler, soft, lights })
     }
 }
 
@@ -102,6 +115,7 @@ impl Case {
         Self {
             format,
             merge: MergeMode::Needed,
+            window: WindowMode::Burst,
             size: (640, 480),
             bin: 1,
             sampler: SamplerKind::Q2Tree,
@@ -123,6 +137,7 @@ pub fn standard() -> Vec<Case> {
     let case = |format: usize, size, sampler, lights| Case {
         format: FORMATS[format].1,
         merge: MergeMode::Needed,
+        window: WindowMode::Burst,
         size,
         bin: 1,
         sampler,

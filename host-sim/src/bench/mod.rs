@@ -8,8 +8,9 @@ use crate::error::SimError;
 use bursts::{BURSTS, calibration};
 pub use case::Case;
 use hemilux::calibration::{Burst, Pixels};
-use hemilux::pipeline::{Pipeline, Settings};
+use hemilux::pipeline::{Pipeline, Settings, WindowMode};
 use hemilux::timing::Budgets;
+use hemilux_core::mains::Lamps;
 use hemilux_core::wire::{Latency, Overrun};
 use serde::Serialize;
 use std::time::{Duration, Instant};
@@ -115,8 +116,10 @@ pub fn run(job: &BenchJob) -> Result<(), SimError> {
 
 fn pipeline(case: &Case, bursts: &[Burst]) -> Result<Pipeline, SimError> {
     let exposures: Vec<_> = bursts[0].frames.iter().map(|f| f.exposure).collect();
-    let Case { merge, sampler, soft, lights, .. } = *case;
-    let settings = Settings { merge, sampler, soft, lights, ..Settings::default() };
+    let Case { merge, window, sampler, soft, lights, .. } = *case;
+    // The flicker of lamps is removed from bursts alone.
+    let lamps = if window == WindowMode::Sliding { Lamps::Off } else { Lamps::Auto };
+    let settings = Settings { merge, window, lamps, sampler, soft, lights, ..Settings::default() };
     Ok(Pipeline::try_new(calibration(case), &exposures, settings)?)
 }
 
@@ -124,11 +127,23 @@ fn pipeline(case: &Case, bursts: &[Burst]) -> Result<Pipeline, SimError> {
 fn repeat(case: &Case, frames: usize) -> Result<(), SimError> {
     let mut bursts = bursts::make(case);
     let mut pipeline = pipeline(case, &bursts)?;
-    for frame in 0..frames {
-        let burst = bursts::timed(&mut bursts, frame);
+    // The first set of a sliding window follows the last frame of the first burst.
+    let first = if case.window == WindowMode::Sliding { bursts[0].frames.len() - 1 } else { 0 };
+    for frame in first..frames {
+        let burst = next(case, &mut bursts, frame);
         std::hint::black_box(pipeline.process(burst)?.decomposition.lights.len());
     }
     Ok(())
+}
+
+/// Returns the burst for frame `frame`. In a sliding window, one of its frames is new.
+fn next<'b>(case: &Case, bursts: &'b mut [Burst], frame: usize) -> &'b Burst {
+    if case.window == WindowMode::Burst {
+        return bursts::timed(bursts, frame);
+    }
+    let burst = &mut bursts[frame / bursts[0].frames.len() % BURSTS];
+    burst.stale = !(1 << (frame % burst.frames.len()));
+    burst
 }
 
 fn measure(case: &Case, budgets: &Budgets) -> Result<CaseTimes, SimError> {
@@ -142,7 +157,7 @@ fn measure(case: &Case, budgets: &Budgets) -> Result<CaseTimes, SimError> {
         // The copied burst is not the next processed burst, whose bytes must not be in the cache.
         let copied = copy.time(&bursts[(frame + BURSTS / 2) % BURSTS]);
         let whole = Instant::now();
-        let stages = std::hint::black_box(pipeline.process(bursts::timed(&mut bursts, frame))?).times;
+        let stages = std::hint::black_box(pipeline.process(next(case, &mut bursts, frame))?).times;
         let total = whole.elapsed();
         if frame >= WARM_UP {
             let all = [copied, stages.front, stages.pyramid, stages.sample, total];
