@@ -53,12 +53,13 @@ pub struct Burst {
     /// Time of the shortest exposure of the burst, nanoseconds from any origin; 0 where unknown. It determines the phase of lamps on the
     /// mains.
     pub phase_ns: u64,
-    /// One bit for each frame, by its index: set if the frame was part of the burst before. 0 for a burst of new frames.
+    /// One bit for each frame, by its index: set if the frame was part of the burst that was processed last. A burst that is not processed
+    /// leaves the bits of its new frames cleared. 0 for a burst of new frames.
     pub stale: u16,
 }
 
 impl Burst {
-    /// Whether the frame `index` was not part of the burst before.
+    /// Whether the frame `index` was not part of the burst that was processed last.
     #[must_use]
     pub fn is_new(&self, index: usize) -> bool {
         self.stale >> (index & 15) & 1 == 0

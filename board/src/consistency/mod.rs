@@ -102,7 +102,8 @@ impl Inspector {
         self.is_uncertain
     }
 
-    /// Returns the frames of `burst` that contradict its other frames; at least one frame remains.
+    /// Returns the frames of `burst` that contradict its other frames; at least one frame remains. The frames in [`Burst::stale`] must be
+    /// those of the last inspected burst.
     pub fn inspect(&mut self, burst: &Burst) -> FramesLeftOut {
         let mut left_out = FramesLeftOut::NONE;
         self.is_uncertain = false;
@@ -115,7 +116,7 @@ impl Inspector {
             self.frames.push(self.grid.empty());
         }
         for (index, (frame, sampled)) in frames.iter().zip(&mut self.frames).enumerate() {
-            // A frame of the burst before has the same samples.
+            // A frame that was part of the last inspected burst has the same samples.
             if burst.is_new(index) || self.sampled >> index & 1 == 0 {
                 self.grid.sample(frame, sampled);
                 self.sampled |= 1 << index;

@@ -1,10 +1,12 @@
-//! Bursts with other exposures than those of the source, and the mains frequency that is found in bursts.
+//! Bursts with other exposures than those of the source, frames of bursts that are not processed, and the mains frequency that is found in
+//! bursts.
 
 use super::*;
 use crate::calibration::{Calibration, Pixels};
 use crate::scene;
 use crate::source::{Pace, SceneSource};
 use hemilux_core::mains::Lamps;
+use hemilux_core::wire::FrameFault;
 use std::f64::consts::TAU;
 use std::sync::Mutex;
 
@@ -72,6 +74,64 @@ fn exposures_that_differ_from_the_known_ones_by_a_thousandth_are_shown() {
     assert_eq!(worker.link.settings.exposures().seconds, before);
     assert_eq!(worker.check_complete(), Ok(()));
     assert_eq!(worker.link.settings.exposures().seconds, after);
+}
+
+/// A still scene, one frame per call after the first burst. Call number `at` fails; the frame that it renews is black until it is renewed
+/// again.
+struct FailingOnce {
+    scene: SceneSource,
+    calls: usize,
+    at: usize,
+}
+
+impl Source for FailingOnce {
+    fn calibration(&self) -> &Calibration {
+        self.scene.calibration()
+    }
+
+    fn exposures(&self) -> Vec<Exposure> {
+        self.scene.exposures()
+    }
+
+    fn set_sliding(&mut self, is_sliding: bool) -> bool {
+        self.scene.set_sliding(is_sliding)
+    }
+
+    fn next(&mut self, burst: &mut Burst) -> Result<(), SourceError> {
+        self.scene.next(burst)?;
+        self.calls += 1;
+        if !(self.at..self.at + 2).contains(&self.calls) {
+            return Ok(());
+        }
+        // The scene renders all frames that are new to the worker again.
+        let index = (self.at - 1) % burst.frames.len();
+        if let Pixels::U8(codes) = &mut burst.frames[index].pixels {
+            codes.fill(0);
+        }
+        if self.calls == self.at { Err(SourceError::Broken("a frame".into())) } else { Ok(()) }
+    }
+}
+
+/// The frames follow each other in the order of the exposures, so that call 10 renews frame 0, and call 11 frame 1.
+#[test]
+fn a_false_frame_of_a_burst_that_failed_is_named_in_the_next_set() {
+    for (at, index) in [(10, 0), (11, 1), (12, 2)] {
+        let source = FailingOnce {
+            scene: SceneSource::new(scene::by_name("room").expect("a scene"), Pace::Free),
+            calls: 0,
+            at,
+        };
+        let mut config = Config::steady();
+        (config.pipeline.window, config.pipeline.lamps) = (WindowMode::Sliding, Lamps::Off);
+        let mut worker = Worker::try_new(Box::new(source), "test".into(), config).expect("a worker");
+        for call in 1..=at {
+            assert_eq!(worker.step().is_err(), call == at, "call {call}");
+        }
+        worker.step().expect("a burst");
+        let set = worker.link.sets.latest().expect("a set");
+        let named: Vec<_> = set.frames_left_out.iter().map(|frame| (frame.index, frame.fault)).collect();
+        assert_eq!(named, [(index, FrameFault::Black)], "call {at} fails");
+    }
 }
 
 /// A still scene whose light is modulated with `hz`, in bursts of three frames at 28 frames per second.
