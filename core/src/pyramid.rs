@@ -142,7 +142,8 @@ impl<Q: Buffer<Quad>> Pyramid<Q> {
         }
     }
 
-    /// Computes the quads of all orders below that of the map from texels whose energies and first moments are valid: finite, and not negative.
+    /// Computes the quads of all orders below that of the map from texels that are valid: finite energies that are not
+    /// negative, and finite first moments.
     pub(crate) fn sum_up(&mut self) {
         sum_up(self.quads.as_mut(), self.domain, self.order);
     }

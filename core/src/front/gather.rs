@@ -2,8 +2,8 @@
 
 use super::mark::Mark;
 use crate::healpix;
-use crate::merge::{BLOCK, Codes, Limits};
-use crate::pixel_table::{CHUNK, Run};
+use crate::merge::{Codes, Limits};
+use crate::pixel_table::{CHUNK, MAX_RUN, Run};
 use crate::pyramid::Quad;
 use core::ops::Range;
 
@@ -324,7 +324,7 @@ impl Runs<'_> {
     }
 
     /// Does the work of [`Runs::mark`]. `reach` returns whether a range of pixels has a code of a limit or more; `blocks` has a bit for
-    /// each block of pixels, set if a code of the block reaches one of `limits`.
+    /// each block of [`MAX_RUN`] pixels, set if a code of the block reaches one of `limits`.
     #[inline]
     fn mark_where(
         &self,
@@ -339,8 +339,8 @@ impl Runs<'_> {
         for run in self.runs {
             let pixels = first..(first + run.len()).min(len);
             first = pixels.end;
-            // A run lies in at most two blocks.
-            let may_reach = blocks.unbounded_shr((pixels.start / BLOCK) as u32) & 3 != 0;
+            // A run is no longer than a block, so that it lies in at most two blocks.
+            let may_reach = blocks.unbounded_shr((pixels.start / MAX_RUN) as u32) & 3 != 0;
             if may_reach
                 && reach(least, pixels.clone())
                 && let Some(quad) = quads.get_mut(run.texel())

@@ -1,6 +1,7 @@
 //! The input of the merge: samples of frames, and unpacked codes.
 
 use super::linear::{Code, extreme};
+use crate::pixel_table::{CHUNK, MAX_RUN};
 
 /// The samples of one frame, packed as a [`crate::format::Layout`] states.
 #[derive(Clone, Copy, Debug)]
@@ -39,9 +40,6 @@ impl Samples<'_> {
         self.len() == 0
     }
 }
-
-/// Number of pixels of the blocks of [`Codes::blocks_that_reach`]; a run has at most as many.
-pub(crate) const BLOCK: usize = 16;
 
 /// The unpacked codes of a part of a frame, one per sample.
 #[derive(Clone, Copy, Debug)]
@@ -95,7 +93,7 @@ impl<'a> Codes<'a> {
         !matches!(self, Self::Unread)
     }
 
-    /// Returns one bit for each block of [`BLOCK`] pixels of `samples` samples, set if a code of the block is `limit` or more.
+    /// Returns one bit for each block of [`MAX_RUN`] pixels of `samples` samples, set if a code of the block is `limit` or more.
     pub(crate) fn blocks_that_reach(&self, limit: u32, samples: usize) -> u32 {
         match self {
             Self::Bytes(codes) => blocks(codes, u8::max, limit, samples),
@@ -138,8 +136,9 @@ impl<'a> Codes<'a> {
 
 /// Does the work of [`Codes::blocks_that_reach`] for contiguous codes.
 fn blocks<T: Code + Into<u32>>(codes: &[T], most: impl Fn(T, T) -> T, limit: u32, samples: usize) -> u32 {
+    const { assert!(CHUNK <= u32::BITS as usize * MAX_RUN, "a bit for each block of a chunk") };
     let reach = |block: &[T]| u32::from(extreme(block, &most).into() >= limit);
-    let blocks = codes.chunks(BLOCK * samples.max(1)).enumerate();
+    let blocks = codes.chunks(MAX_RUN * samples.max(1)).enumerate();
     blocks.fold(0, |bits, (index, block)| bits | reach(block).unbounded_shl(index as u32))
 }
 

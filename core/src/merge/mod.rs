@@ -22,7 +22,6 @@ use crate::buffer::{self, Buffer};
 use crate::response::{CURVE_BITS, Curve, Depth};
 use crate::tally::Tally;
 use bytemuck::{Pod, Zeroable};
-pub(crate) use codes::BLOCK;
 pub use codes::{Channels, Codes, Samples};
 pub(crate) use detached::{Detached, Tables};
 use exposure::check;
@@ -164,7 +163,7 @@ impl<C: AsRef<[i32]>, P: Buffer<u32>, R: Buffer<Reciprocal>> Merge<C, P, R> {
             (MergeLoop::Table(table::Scale { whole: Some(whole), .. }), _) => whole.one,
             _ => f64::from(1u32 << 20),
         };
-        // Finite for any scale: factors of it would not be numbers otherwise.
+        // Finite for any scale: an infinite unit times a white balance of 0 would not be a number.
         let unit = (scale / (least_gain * shortest) / counts).min(f64::MAX);
         for (mask, r) in reciprocals.as_mut().iter_mut().enumerate().take(size.reciprocals) {
             let used = || exposures.iter().enumerate().filter(|(i, _)| mask >> i & 1 == 1);

@@ -264,6 +264,7 @@ impl State {
         let Buffers { energies, marks, weights, .. } = buffers;
         let (quads, geometry) = (map.sums_mut(pixel_table.source_order), pixel_table.texels);
         let texels = Texels { quads, geometry, energies, marks, weights };
+        // RGB, the usual format, has a loop without the choice of lanes by format.
         match (lanes.pick, &lanes.tally) {
             (Pick::Plain, Some(tally)) => self.choose(texels, |quad| {
                 let [r, g, b, _] = tally.settled(quad).map(positive);
