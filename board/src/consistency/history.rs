@@ -62,7 +62,7 @@ pub(super) struct History {
     variance: f32,
     away: f32,
     contradictions: Contradictions,
-    /// Number of consecutive bursts, up to the last one, in which the pair could be compared.
+    /// Number of bursts without an unusual contradiction since the last one in which the pair could not be compared.
     compared: u32,
     /// True if the pair could be compared in the last burst.
     is_comparable: bool,

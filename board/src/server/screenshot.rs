@@ -1,5 +1,5 @@
-//! `/screenshot`: the debug picture under a unique name. The server keeps the last sixteen pictures, at most 4 MB, in memory
-//! and writes no file.
+//! `/screenshot`: the debug picture under a unique name. The server keeps the last sixteen pictures, of at most 4 MB in all,
+//! and always the newest one, in memory and writes no file.
 
 use super::access::Allowed;
 use super::map_form::MapForm;
@@ -21,7 +21,7 @@ const MARKED: MapForm = MapForm { hemisphere: true, width: None, marks: true };
 /// Largest number of screenshots that the server keeps.
 const KEPT: usize = 16;
 
-/// Largest total length of the screenshots that the server keeps, bytes.
+/// Largest total length of two or more screenshots that the server keeps, bytes.
 const KEPT_BYTES: usize = 4 << 20;
 
 /// The kept screenshots with their names, the newest first.
@@ -80,7 +80,10 @@ pub(super) async fn kept(State(context): State<Context>, _: Allowed, Path(name):
             ([(CONTENT_TYPE, "image/png"), (CACHE_CONTROL, "private, max-age=86400, immutable")], png)
                 .into_response()
         }
-        None => line(StatusCode::NOT_FOUND, "no such screenshot: the last sixteen are kept, at most 4 MB"),
+        None => line(
+            StatusCode::NOT_FOUND,
+            "no such screenshot: the last sixteen are kept, as far as they fit in 4 MB",
+        ),
     }
 }
 

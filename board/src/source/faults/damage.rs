@@ -27,9 +27,9 @@ pub(super) fn damage(fault: Fault, burst: &mut Burst, largest_code: u16, random:
         Fault::Size => halve(&mut frame.pixels),
         Fault::Clock => {
             let step = (random.part() * STEP_NS) as u64;
-            [&mut burst.timestamp_ns, &mut burst.phase_ns]
-                .into_iter()
-                .for_each(|ns| *ns = ns.saturating_sub(step));
+            for ns in [&mut burst.timestamp_ns, &mut burst.phase_ns] {
+                *ns = ns.saturating_sub(step);
+            }
         }
         Fault::Late | Fault::Vanish | Fault::Hang => {}
     }
