@@ -1,13 +1,51 @@
 //! Settings of the allocator of the programs.
 
-/// Makes the allocator return blocks of 256 KB and more, such as answers of thousands of lights, to the system when they are freed. By
-/// default, glibc raises its threshold M_MMAP_THRESHOLD to the size of the largest freed block and keeps freed blocks below the threshold:
-/// with sets of 50,000 lights, the program keeps 14 MB.
-#[allow(unsafe_code, reason = "the option has no safe wrapper")]
-pub fn return_large_blocks() {
+/// Makes glibc's allocator keep little memory that the program has freed.
+///
+/// - Blocks of 256 KB and more, such as answers of thousands of lights, return to the system when they are freed. By default, glibc raises its
+///   threshold `M_MMAP_THRESHOLD` to the size of the largest freed block and keeps freed blocks below the threshold: with sets of 50,000
+///   lights, the program keeps 14 MB.
+/// - All threads allocate from one arena. By default, glibc creates up to eight arenas per processor, each of which keeps the largest
+///   sum of blocks that its threads have used at once. Threads seldom wait for each other, because no stage of the light path allocates.
+#[allow(unsafe_code, reason = "the options have no safe wrapper")]
+pub fn keep_little_memory() {
     // SAFETY: `mallopt` may be called at any time; it takes and returns integers.
     #[cfg(target_env = "gnu")]
     unsafe {
-        libc::mallopt(libc::M_MMAP_THRESHOLD, 256 << 10)
+        libc::mallopt(libc::M_MMAP_THRESHOLD, 256 << 10);
+        libc::mallopt(libc::M_ARENA_MAX, 1);
     };
+}
+
+/// Returns the free pages of the allocator's arenas to the system: on x86-64, a call takes 0.2 to 0.7 ms for 8 MB.
+#[allow(unsafe_code, reason = "the function has no safe wrapper")]
+pub fn return_free_pages() {
+    // SAFETY: `malloc_trim` may be called at any time; it takes and returns integers.
+    #[cfg(target_env = "gnu")]
+    unsafe {
+        libc::malloc_trim(0)
+    };
+}
+
+#[cfg(all(test, target_os = "linux", target_env = "gnu"))]
+mod tests {
+    use super::*;
+
+    fn resident_bytes() -> usize {
+        let statm = std::fs::read_to_string("/proc/self/statm").expect("a file of the kernel");
+        let pages = statm.split(' ').nth(1).expect("the resident pages");
+        4096 * pages.parse::<usize>().expect("a number")
+    }
+
+    #[test]
+    fn free_pages_below_a_used_block_return_to_the_system() {
+        let mut blocks: Vec<_> = (0..500).map(|_| vec![1_u8; 100_000]).collect();
+        let last = blocks.pop();
+        drop(blocks);
+        let before = resident_bytes();
+        return_free_pages();
+        let after = resident_bytes();
+        assert!(after + 40_000_000 < before, "{before} bytes before, {after} after");
+        drop(last);
+    }
 }

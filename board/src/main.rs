@@ -5,7 +5,7 @@ use std::panic::PanicHookInfo;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    hemilux::allocator::return_large_blocks();
+    hemilux::allocator::keep_little_memory();
     std::panic::set_hook(Box::new(tell_panic));
     match hemilux::cli::run(std::env::args_os()) {
         Ok(()) => ExitCode::SUCCESS,

@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    hemilux::allocator::return_large_blocks();
+    hemilux::allocator::keep_little_memory();
     match hemilux_sim::cli::run(std::env::args_os()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(e) => {

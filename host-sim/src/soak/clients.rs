@@ -20,6 +20,10 @@ const TIMEOUT: Duration = Duration::from_secs(10);
 /// Number of requests or received sets after which a client closes its connection.
 const REQUESTS_PER_CONNECTION: u32 = 500;
 
+/// Number of screenshots while they are permitted. The server keeps the last sixteen, so that the memory of a run is constant after
+/// four changes of each setting.
+const SCREENSHOTS: u32 = 4;
+
 /// Largest size of a reply that a client reads, bytes.
 const MAX_REPLY_BYTES: u64 = 16 << 20;
 
@@ -237,8 +241,8 @@ impl Client {
         }
     }
 
-    /// Changes each setting to other legal values and back to its default. A sliding window must be refused, since flicker is removed by
-    /// default.
+    /// Changes each setting to other legal values and back to its default, and takes screenshots while they are permitted. A sliding window
+    /// must be refused, since flicker is removed by default.
     fn settings(&self) {
         let agent = Self::agent();
         for setting in SETTINGS {
@@ -257,7 +261,22 @@ impl Client {
                     Ok(status) => self.tally.error(format!("{body}: status {status}")),
                     Err(error) => self.tally.error(format!("{body}: {error}")),
                 }
+                if setting.name == "gui" && value == true {
+                    self.screenshots(&agent);
+                }
                 sleep(Duration::from_millis(30));
+            }
+        }
+    }
+
+    /// Takes [`SCREENSHOTS`] screenshots.
+    fn screenshots(&self, agent: &Agent) {
+        for _ in 0..SCREENSHOTS {
+            match self.get(agent, "/screenshot") {
+                // The server replies with 503 while too many pictures are drawn.
+                Some((200 | 503, _)) => {}
+                Some((status, _)) => self.tally.error(format!("/screenshot: status {status}")),
+                None => return,
             }
         }
     }

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 const KEPT: usize = 1 << 14;
 
 /// Longest wait of [`Tally::check`] for the publication of a set that a client has received.
-const LONGEST_WAIT: Duration = Duration::from_secs(2);
+const LONGEST_WAIT: Duration = Duration::from_secs(10);
 
 /// Step of the age in stale sets, milliseconds: the server encodes a stale set once per step.
 const AGE_STEP_MS: u64 = 100;

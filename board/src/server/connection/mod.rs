@@ -11,6 +11,7 @@ pub(super) use limiter::ConnectionLimiter;
 pub(super) use tcp::Enlarged;
 
 use super::App;
+use crate::allocator;
 use acceptor::Acceptor;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::io;
@@ -35,6 +36,9 @@ const OTHER_DESCRIPTORS: u64 = 64;
 
 /// Longest wait at the server's shutdown for the end of connections that were cut.
 const CUT: Duration = Duration::from_millis(100);
+
+/// Interval at which the server returns freed memory to the system.
+const TRIM: Duration = Duration::from_secs(60);
 
 /// Limits on the resources that clients use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -139,7 +143,18 @@ pub fn start(listener: std::net::TcpListener, app: App, limits: Limits) -> io::R
     let stop = Arc::clone(&app.stop);
     let acceptor = Acceptor::new(app, limits, Arc::clone(&limiter));
     let accepting = runtime.spawn(acceptor.run(listener));
+    runtime.spawn(return_memory());
     Ok(Running { address, limits, runtime, stop, limiter, accepting })
+}
+
+/// Returns freed memory to the system in intervals, until the runtime ends. Otherwise answers and pipelines of different sizes fragment
+/// the allocator's arena, whose resident memory grows for days.
+async fn return_memory() {
+    let mut due = tokio::time::interval(TRIM);
+    loop {
+        due.tick().await;
+        allocator::return_free_pages();
+    }
 }
 
 impl Running {
