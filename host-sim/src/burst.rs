@@ -3,8 +3,8 @@
 use crate::decompose;
 use crate::env::EnvMap;
 use crate::error::SimError;
+use crate::footprint;
 use crate::output;
-use glam::{DVec2, DVec3};
 use hemilux::calibration::{Burst, Calibration, Frame, Pixels};
 use hemilux::maps::ReadOptions;
 use hemilux::recorded::{self, LensFile, Levels};
@@ -14,7 +14,6 @@ use hemilux_core::format::Format;
 use rand::{Rng, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
-use std::f64::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
 
 /// Relative exposure (1 is the largest code) of the brightest visible texel in the shortest frame, if [`LEAST_MEAN`] allows it.
@@ -154,15 +153,15 @@ fn check(job: &BurstJob) -> Result<(), SimError> {
 
 /// Returns the mean image-side radiance of the map over the footprint of every pixel.
 pub(crate) fn expose(env: &EnvMap, lens: &LensFile) -> ExposedScene {
-    let [width, height] = lens.size;
-    let texel = PI / env.height() as f64;
-    let pixel = 1.0 / lens.lens.intrinsics().focal_px.min_element();
-    let n = ((3.0 * pixel / texel).ceil() as u32).clamp(4, 32);
-    let mut radiance = Vec::with_capacity((width * height) as usize);
-    let (mut brightest, mut sum, mut seen) = (0.0f64, 0.0, 0usize);
-    for row in 0..height {
-        for column in 0..width {
-            let value = footprint(env, lens, DVec2::new(column.into(), row.into()), n);
+    ExposedScene::of(footprint::pixels(lens).map(|pixel| footprint::mean(env, lens, pixel)))
+}
+
+impl ExposedScene {
+    /// Creates the scene from the radiance of each pixel, row by row; `None` for pixels outside of the image circle.
+    pub(crate) fn of(pixels: impl Iterator<Item = Option<[f64; 3]>>) -> Self {
+        let mut radiance = Vec::with_capacity(pixels.size_hint().0);
+        let (mut brightest, mut sum, mut seen) = (0.0f64, 0.0, 0usize);
+        for value in pixels {
             if let Some(rgb) = value {
                 brightest = rgb.into_iter().fold(brightest, f64::max);
                 sum += rgb.iter().sum::<f64>() / 3.0;
@@ -170,34 +169,8 @@ pub(crate) fn expose(env: &EnvMap, lens: &LensFile) -> ExposedScene {
             }
             radiance.push(value.unwrap_or_default());
         }
+        Self { radiance, brightest, mean: sum / seen.max(1) as f64 }
     }
-    ExposedScene { radiance, brightest, mean: sum / seen.max(1) as f64 }
-}
-
-/// Returns the mean image-side radiance of `n` x `n` points of one pixel, with the lens's illumination fall-off; `None` outside of the image
-/// circle.
-fn footprint(env: &EnvMap, lens: &LensFile, pixel: DVec2, n: u32) -> Option<[f64; 3]> {
-    lens.lens.unproject(pixel)?;
-    let (mut sum, mut count) = ([0.0; 3], 0);
-    for i in 0..n * n {
-        let at = |k: u32| (f64::from(k) + 0.5) / f64::from(n) - 0.5;
-        let Some(direction) = lens.lens.unproject(pixel + DVec2::new(at(i % n), at(i / n))) else { continue };
-        let light = lens.lens.illumination(direction.z.clamp(-1.0, 1.0).acos());
-        for (s, v) in sum.iter_mut().zip(lookup(env, direction)) {
-            *s += f64::from(v) * light;
-        }
-        count += 1;
-    }
-    Some(sum.map(|s| s / f64::from(count.max(1))))
-}
-
-/// Returns the radiance of the texel that contains `direction`.
-fn lookup(env: &EnvMap, direction: DVec3) -> [f32; 3] {
-    let theta = direction.z.clamp(-1.0, 1.0).acos();
-    let phi = direction.y.atan2(direction.x);
-    let row = ((theta / PI * env.height() as f64) as usize).min(env.height() - 1);
-    let column = (((PI - phi) / TAU * env.width() as f64) as usize).min(env.width() - 1);
-    env.texels()[row * env.width() + column]
 }
 
 /// Returns the relative exposure (1 at the white level) of every code of the sensor, for each channel.

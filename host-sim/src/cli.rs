@@ -54,7 +54,7 @@ enum Command {
     Replay(ReplayArgs),
     /// Scores a light set against its environment map: open, shadowed and energy error as ratios.
     Score(ScoreArgs),
-    /// Runs every method over every scenario: error, flicker, leaks, step response, tracking; writes SVG, JSON and a table.
+    /// Runs every method over every scenario: error, flicker, leaks, step response, tracking, lag; writes SVG, JSON and a table.
     Stress(reports::StressArgs),
     /// Charts the error of every method against its time and against its number of lights, over the maps of a folder; writes SVG, JSON and a
     /// table.

@@ -143,7 +143,7 @@ pub fn run_core_of(
             (method, lights, samplers::make(method.sampler(), maps.of(lights).0, lights).ok(), Vec::new())
         })
         .collect();
-    for (t, map) in scenario.seen().iter().enumerate() {
+    for (t, map) in scenario.seen().iter().enumerate().step_by(scenario.held) {
         maps.fill(map);
         for (method, most, sampler, sets) in &mut running {
             if let Some(sampler) = sampler {
@@ -153,28 +153,38 @@ pub fn run_core_of(
         }
     }
     let runs = running.into_iter();
-    runs.map(|(method, lights, sampler, sets)| MethodRun { method, lights, sets: sampler.map(|_| sets) })
-        .collect()
+    runs.map(|(method, lights, sampler, sets)| {
+        let sets = sampler.map(|_| in_effect(sets, scenario));
+        MethodRun { method, lights, sets }
+    })
+    .collect()
+}
+
+/// Returns the set that is in effect in each frame: each of `sets` for as many frames as the scenario states.
+fn in_effect(sets: Vec<LitSet>, scenario: &Scenario) -> Vec<LitSet> {
+    let held = sets.into_iter().flat_map(|set| std::iter::repeat_n(set, scenario.held));
+    held.take(scenario.truth.len()).collect()
 }
 
 /// Runs a baseline over a sequence; returns its sets, and the sets after the Voronoi gather.
 fn run_baseline(method: Method, scenario: &Scenario, lights: usize) -> [Vec<LitSet>; 2] {
     let mut sampler = baseline_called(method.name);
     let (mut raw, mut gathered) = (Vec::new(), Vec::new());
-    for (t, map) in scenario.seen().iter().enumerate() {
+    for (t, map) in scenario.seen().iter().enumerate().step_by(scenario.held) {
         let lights = scenario.lights(t, lights, 1);
         let made = sampler.decompose(map, scenario.domain, lights);
         gathered.push(gather(map, scenario.domain, &made).into());
         raw.push(made.into());
     }
-    [raw, gathered]
+    [raw, gathered].map(|sets| in_effect(sets, scenario))
 }
 
 fn run_volume(scenario: &Scenario, lights: usize) -> Option<Vec<LitSet>> {
     // The volume sampler has one number of lights for the whole sequence.
     scenario.share.is_empty().then(|| {
-        let frames = baseline::volume(scenario.seen(), scenario.domain, lights);
-        frames.into_iter().map(LitSet::from).collect()
+        let maps: Vec<EnvMap> = scenario.seen().iter().step_by(scenario.held).cloned().collect();
+        let frames = baseline::volume(&maps, scenario.domain, lights);
+        in_effect(frames.into_iter().map(LitSet::from).collect(), scenario)
     })
 }
 

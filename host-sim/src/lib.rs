@@ -13,6 +13,7 @@ pub mod draw;
 pub mod env;
 pub mod error;
 pub mod export;
+mod footprint;
 pub mod import;
 pub mod maps;
 pub mod metrics;

@@ -7,7 +7,13 @@ use hemilux::timing::Budgets;
 use hemilux_core::wire::STAGES;
 use std::path::PathBuf;
 
+/// Description of the scenarios of camera frames in the help of `stress`.
+const CAMERA_FRAMES: &str = "In the scenarios bursts-swinging, bursts-walker, sliding-swinging and sliding-walker, each frame of a simulated \
+    camera has a score: that of the newest set (of the last whole burst, or of --window sliding) against the scene at the end of the frame's \
+    exposure. The column lag is the number of camera frames by which the sets are late. host-sim/METRICS.md defines all figures.";
+
 #[derive(Args, Debug)]
+#[command(after_help = CAMERA_FRAMES)]
 pub(super) struct StressArgs {
     /// Folder for stress.svg, stress.json and stress.txt.
     #[arg(long, value_name = "DIR")]

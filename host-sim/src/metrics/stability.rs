@@ -19,6 +19,9 @@ pub const UNCHANGED: f64 = 1e-6;
 /// Ratio of the shadowed error to its steady value at which a step response ends.
 pub const SETTLED: f64 = 1.25;
 
+/// Largest tracking lag, frames.
+pub const MOST_LAG: usize = 6;
+
 /// Mean and largest value of a score over the frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread {
@@ -149,6 +152,33 @@ pub fn step_response(shadowed_errors: &[f64], change: usize) -> Option<usize> {
     rest.sort_by(f64::total_cmp);
     let limit = (SETTLED * rest[rest.len() / 2]).max(1e-9);
     after.iter().position(|&error| error <= limit).map(|at| at + 1)
+}
+
+/// Returns the tracking lag: the number of frames s by which the scene must be delayed to be most similar to the light sets, so that the sum over the
+/// frames t and the receivers k of (E_set(t) - E_ref(t - s))^2 is least. `None` if there are fewer than 13 frames.
+///
+/// The least of the sums for s = 0, 1, ... 6 and its neighbours determine a parabola, whose minimum is returned; 0 or 6 if one of these is the least.
+/// The first 6 frames are not included in the sums, since the scene before the first frame is unknown.
+#[must_use]
+pub fn tracking_lag(references: &[Reference], sets: &[LitSet]) -> Option<f64> {
+    if references.len().min(sets.len()) <= 2 * MOST_LAG {
+        return None;
+    }
+    let mut sums = [0.0; MOST_LAG + 1];
+    for (t, (reference, set)) in references.iter().zip(sets).enumerate().skip(MOST_LAG) {
+        let made = reference.shadowed_of(set, Reading::Points);
+        for (lag, sum) in sums.iter_mut().enumerate() {
+            *sum += rms(differences(&made, references[t - lag].shadowed()).into_iter()).powi(2);
+        }
+    }
+    let least = (0..sums.len()).min_by(|a, b| sums[*a].total_cmp(&sums[*b]))?;
+    let shift = match sums.get(least.wrapping_sub(1)..least + 2) {
+        Some(&[before, at, after]) if before + after > 2.0 * at => {
+            0.5 * (before - after) / (before - 2.0 * at + after)
+        }
+        _ => 0.0,
+    };
+    Some(least as f64 + shift)
 }
 
 /// A light source of the scene: a disc on the sphere.

@@ -272,6 +272,32 @@ fn step_response_counts_the_frame_of_the_change() {
 }
 
 #[test]
+fn tracking_lag_is_the_age_of_the_sets_or_its_mean() {
+    // A disc of 20 degrees radius that moves by 3 degrees per frame.
+    let disc = |t: usize| {
+        let phi = (3.0 * t as f64 - 36.0).to_radians();
+        let middle = unit([phi.cos(), phi.sin(), 0.5]).expect("a direction");
+        sky(|d| f64::from(u8::from(angle_deg(d, middle) < 20.0)))
+    };
+    let maps: Vec<EnvMap> = (0..24).map(disc).collect();
+    let first = Reference::new(&maps[0], Domain::Sphere);
+    let references: Vec<Reference> = maps.iter().map(|map| first.following(map)).collect();
+    let lag = |age: fn(usize) -> usize| {
+        let sets =
+            (0..24).map(|t| texel_lights(&maps[t - age(t).min(t)], Domain::Sphere)).collect::<Vec<_>>();
+        tracking_lag(&references, &sets).expect("a lag")
+    };
+    assert_eq!(lag(|_| 0), 0.0);
+    // Sets of bursts of three frames, of which the first shows the light, and of a sliding window.
+    for (found, expected) in [(lag(|_| 5), 5.0), (lag(|t| 2 + t % 3), 3.0), (lag(|t| t % 3), 1.0)] {
+        assert!((found - expected).abs() < 0.2, "{found}, expected {expected}");
+    }
+    let between = lag(|t| 2 + t % 2);
+    assert!((between - 2.5).abs() < 0.3, "{between} of sets of two and three frames");
+    assert_eq!(tracking_lag(&references[..12], &[]), None);
+}
+
+#[test]
 fn transit_energy_is_the_light_in_empty_sky() {
     let map = one_texel(32, 64);
     let grid = TexelGrid::new(&map, Domain::Sphere);

@@ -20,6 +20,9 @@ const BEFORE: usize = 22;
 /// Text of the lens file: an equidistant lens of 180 degrees with pixels of about one degree, so that the whole hemisphere is in the field of view.
 const LENS: &str = "version = 1\n[lens]\nmodel = \"equidistant\"\nsize = [192, 192]\ncentre = [95.5, 95.5]\nfocal = [60.5, 60.5]\nmax_angle_deg = 89.9\n";
 
+/// Sensor of the simulated camera.
+pub(super) const SENSOR: Sensor = Sensor { bits: 12, full_well: 10_000.0, read_noise: 3.0 };
+
 /// Time from the readout of one row of a frame to that of the next, seconds.
 const LINE_S: f64 = 30e-6;
 
@@ -31,8 +34,7 @@ pub(super) fn mains(stage: &Stage, name: &'static str, wave: Wave, most_hz: f64)
     let exposures = vec![THESIS_EXPOSURES_S[0], THESIS_EXPOSURES_S[1], longest];
     let rate_hz = best_rate(most_hz, exposures.len(), Lamps::Auto);
     let timing = Timing { rate_hz, exposures, line_s: LINE_S, rotates: false };
-    let sensor = Sensor { bits: 12, full_well: 10_000.0, read_noise: 3.0 };
-    let filming = Filming::new(&world, lens(), timing, sensor, None).seeded(stage.setting.seed);
+    let filming = Filming::new(&world, lens(), timing, SENSOR, None).seeded(stage.setting.seed);
     let seen = maps(stage, &filming);
     let truth = vec![upper(&world.mean(0.0)); stage.frames()];
     let sources = vec![world.lamps.iter().map(|lamp| lamp.source).collect(); stage.frames()];
@@ -57,44 +59,49 @@ fn world(stage: &Stage, wave: Wave) -> World {
 }
 
 /// Returns `map` with black texels below the horizon.
-fn upper(map: &EnvMap) -> EnvMap {
+pub(super) fn upper(map: &EnvMap) -> EnvMap {
     let half = map.width() * (map.height() / 2);
     let texels = map.texels().iter().enumerate().map(|(k, rgb)| if k < half { *rgb } else { [0.0; 3] });
     EnvMap::new(map.width(), map.height(), texels.collect())
 }
 
-fn lens() -> LensFile {
+/// Returns the lens of the simulated camera.
+pub(super) fn lens() -> LensFile {
     recorded::parse_lens(Path::new("lens.toml"), LENS).expect("a lens file")
+}
+
+/// Returns the polar map that has the columns and the upper rows of the maps of `stage`.
+pub(super) fn polar_grid(stage: &Stage) -> Grid {
+    Grid { width: stage.room.width(), height: stage.room.height() / 2, domain: Domain::Hemisphere }
 }
 
 /// Returns the maps that the pipeline computes from the bursts after the first [`BEFORE`].
 fn maps(stage: &Stage, filming: &Filming) -> Vec<EnvMap> {
-    let (width, height) = (stage.room.width(), stage.room.height());
-    let grid = Grid { width, height: height / 2, domain: Domain::Hemisphere };
+    let settings = Settings { grid: polar_grid(stage), ..Settings::default() };
     let calibration: Calibration = filming.calibration();
-    let settings = Settings { grid, ..Settings::default() };
     let mut pipeline =
         Pipeline::try_new(calibration, &filming.exposures(), settings).expect("the exposures can be merged");
     let mut seen = Vec::new();
     for burst in 0..BEFORE + stage.frames() {
         pipeline.process(&filming.burst(burst)).expect("the frames fit the calibration");
         if burst >= BEFORE {
-            seen.push(radiance(&mut pipeline, grid, height));
+            seen.push(radiance(&mut pipeline, stage));
         }
     }
     seen
 }
 
 /// Returns the radiance of the map of the last burst; texels below the horizon are black.
-fn radiance(pipeline: &mut Pipeline, grid: Grid, height: usize) -> EnvMap {
+pub(super) fn radiance(pipeline: &mut Pipeline, stage: &Stage) -> EnvMap {
+    let grid = polar_grid(stage);
     let energy = pipeline.map().polar.texels;
     let texels = energy.iter().enumerate().map(|(k, rgb)| {
         let omega = grid.solid_angle(k / grid.width) as f32;
         rgb.map(|v| v / omega)
     });
     let mut texels: Vec<_> = texels.collect();
-    texels.resize(grid.width * height, [0.0; 3]);
-    EnvMap::new(grid.width, height, texels)
+    texels.resize(grid.width * stage.room.height(), [0.0; 3]);
+    EnvMap::new(grid.width, stage.room.height(), texels)
 }
 
 #[cfg(test)]

@@ -25,9 +25,12 @@
 //! | `bursts-steady` | bursts of two steady lamps, through lens, sensor and pipeline | - |
 //! | `bursts-100-bulb`, `bursts-120-bulb` | bursts of two lamps with a ripple of 20 %, at most 25 and 60 frames per second | all methods without a fit over time |
 //! | `bursts-100-led`, `bursts-120-led` | bursts of two lamps with rectified light, at most 30 frames per second | all methods without a fit over time |
+//! | `bursts-swinging`, `sliding-swinging` | camera frames of the bulb of `swinging-bulb`; a set after every burst, or after every frame by the sliding window | - |
+//! | `bursts-walker`, `sliding-walker` | camera frames of the window and the figure of `walker`, with the same sets | - |
 
 mod bursts;
 mod events;
+mod frames;
 mod motion;
 pub mod stage;
 #[cfg(test)]
@@ -37,11 +40,12 @@ pub mod world;
 use crate::env::EnvMap;
 use crate::metrics::Domain;
 use crate::metrics::stability::LightSource;
+use hemilux::pipeline::WindowMode;
 use stage::Stage;
 use world::Wave;
 
 /// Names of all scenarios, in the order of reports.
-pub const NAMES: [&str; 22] = [
+pub const NAMES: [&str; 26] = [
     "switch",
     "swinging-bulb",
     "sun-shadow",
@@ -64,6 +68,10 @@ pub const NAMES: [&str; 22] = [
     "bursts-120-bulb",
     "bursts-100-led",
     "bursts-120-led",
+    "bursts-swinging",
+    "sliding-swinging",
+    "bursts-walker",
+    "sliding-walker",
 ];
 
 /// Size, length, seed and background of a scenario's sequence.
@@ -71,7 +79,7 @@ pub const NAMES: [&str; 22] = [
 pub struct Setting {
     /// Number of columns of the maps, which have half as many rows.
     pub width: usize,
-    /// Number of frames of a sequence, at least 8.
+    /// Number of frames of a sequence, at least 8; number of bursts of a sequence of camera frames.
     pub frames: usize,
     /// Seed of the scenario's random generator.
     pub seed: u64,
@@ -111,6 +119,10 @@ pub struct Scenario {
     pub share: Vec<f64>,
     /// Whether the scene is static and the maps are noisy, so that motion noise is scored.
     pub static_noise: bool,
+    /// Number of successive frames for which a light set is in effect; the samplers read the map of the first of them.
+    pub held: usize,
+    /// Whether the frames are those of a camera, so that the tracking lag is scored.
+    pub has_lag: bool,
 }
 
 impl Scenario {
@@ -129,6 +141,8 @@ impl Scenario {
             in_shadow: false,
             share: Vec::new(),
             static_noise: false,
+            held: 1,
+            has_lag: false,
         }
     }
 
@@ -180,6 +194,10 @@ pub fn make(name: &str, setting: &Setting) -> Option<Scenario> {
         "bursts-120-bulb" => bursts::mains(&stage, "bursts-120-bulb", ripple(120.0), 60.0),
         "bursts-100-led" => bursts::mains(&stage, "bursts-100-led", Wave::Rectified { hz: 100.0 }, 30.0),
         "bursts-120-led" => bursts::mains(&stage, "bursts-120-led", Wave::Rectified { hz: 120.0 }, 30.0),
+        "bursts-swinging" => frames::swinging_bulb(&stage, "bursts-swinging", WindowMode::Burst),
+        "sliding-swinging" => frames::swinging_bulb(&stage, "sliding-swinging", WindowMode::Sliding),
+        "bursts-walker" => frames::walker(&stage, "bursts-walker", WindowMode::Burst),
+        "sliding-walker" => frames::walker(&stage, "sliding-walker", WindowMode::Sliding),
         _ => return None,
     };
     Some(scenario)

@@ -31,10 +31,12 @@ fn moving(
 /// Returns the scenario `swinging-bulb`: a bulb of 3 degrees radius swings one and a half times through 70 degrees, near the zenith and away from
 /// the seam.
 pub(super) fn swinging_bulb(stage: &Stage) -> Scenario {
-    moving("swinging-bulb", stage, &stage.room, 3.0, |p| {
-        let swing = 35f64.to_radians() * (1.5 * TAU * p).sin();
-        unit([swing.sin(), 0.35, swing.cos()]).unwrap_or([0.0, 0.0, 1.0])
-    })
+    moving("swinging-bulb", stage, &stage.room, 3.0, |p| hanging(35f64.to_radians() * (1.5 * TAU * p).sin()))
+}
+
+/// Returns the direction of a bulb whose cord has the angle `swing` from the vertical, radians.
+pub(super) fn hanging(swing: f64) -> [f64; 3] {
+    unit([swing.sin(), 0.35, swing.cos()]).unwrap_or([0.0, 0.0, 1.0])
 }
 
 /// Returns the scenario `seam`: a lamp at 60 degrees from the zenith moves from the azimuth -20 to 20 degrees.
@@ -82,20 +84,34 @@ pub(super) fn clouds(stage: &Stage) -> Scenario {
     Scenario { sources: vec![vec![sun]; stage.frames()], ..Scenario::of("clouds", truth) }
 }
 
+/// Half-sides of the window of `walker`, degrees.
+const WINDOW_DEG: [f64; 2] = [28.0, 18.0];
+
+/// Returns the direction of the middle of the window of `walker`.
+fn window_middle() -> [f64; 3] {
+    at(78.0, -90.0)
+}
+
 /// Returns the scenario `walker`: a dark figure of 10 degrees width walks past a window that emits half of the light.
 pub(super) fn walker(stage: &Stage) -> Scenario {
-    let window = at(78.0, -90.0);
-    let half_deg = [28.0, 18.0];
-    let area_sr = 4.0 * half_deg.map(|d: f64| d.to_radians().tan()).iter().product::<f64>() * 0.8;
-    let radiance = energy(&stage.room) / area_sr;
-    let lit = with_window(&stage.room, window, half_deg, |_, _, _| DAYLIGHT.map(|c| (c * radiance) as f32));
-    let truth = stage.sequence(|t| {
-        let x = 3.0 * stage.progress(t) - 1.5;
-        let figure = |u: f64, v: f64| {
-            let head = ((u - x) * half_deg[0]).hypot((v - 0.55) * half_deg[1]) < 4.0;
-            head || ((u - x).abs() * half_deg[0] < 5.0 && v < 0.35)
-        };
-        with_window(&lit, window, half_deg, |u, v, old| if figure(u, v) { [0.08; 3] } else { old })
-    });
+    let lit = with_bright_window(&stage.room);
+    let truth = stage.sequence(|t| with_figure(&lit, 3.0 * stage.progress(t) - 1.5));
     Scenario::of("walker", truth)
+}
+
+/// Returns `room` with a window that emits half of the light.
+pub(super) fn with_bright_window(room: &EnvMap) -> EnvMap {
+    let area_sr = 4.0 * WINDOW_DEG.map(|d: f64| d.to_radians().tan()).iter().product::<f64>() * 0.8;
+    let radiance = energy(room) / area_sr;
+    with_window(room, window_middle(), WINDOW_DEG, |_, _, _| DAYLIGHT.map(|c| (c * radiance) as f32))
+}
+
+/// Returns `lit`, a map with the window, and a dark figure in front of it, at `x` half-sides of the window to the right of its middle.
+pub(super) fn with_figure(lit: &EnvMap, x: f64) -> EnvMap {
+    let figure = |u: f64, v: f64| {
+        let head = ((u - x) * WINDOW_DEG[0]).hypot((v - 0.55) * WINDOW_DEG[1]) < 4.0;
+        head || ((u - x).abs() * WINDOW_DEG[0] < 5.0 && v < 0.35)
+    };
+    let middle = window_middle();
+    with_window(lit, middle, WINDOW_DEG, |u, v, old| if figure(u, v) { [0.08; 3] } else { old })
 }

@@ -120,6 +120,7 @@ fn median(rows: &[&StressRow], of: impl Fn(&StressRow) -> Option<f64>) -> f64 {
 /// The figure in the column at the right of a panel.
 #[derive(Clone, Copy)]
 enum Extra {
+    Lag,
     Tracking,
     Step,
     Noise,
@@ -129,7 +130,9 @@ enum Extra {
 impl Extra {
     /// Returns the first figure that a row of the panel contains, in the order of the variants; `Churn` otherwise.
     fn of(rows: &[&StressRow]) -> Self {
-        if rows.iter().any(|r| r.tracking_deg.is_some()) {
+        if rows.iter().any(|r| r.lag_frames.is_some()) {
+            Self::Lag
+        } else if rows.iter().any(|r| r.tracking_deg.is_some()) {
             Self::Tracking
         } else if rows.iter().any(|r| r.step_frames.is_some()) {
             Self::Step
@@ -142,6 +145,7 @@ impl Extra {
 
     fn head(self) -> &'static str {
         match self {
+            Self::Lag => "late by",
             Self::Tracking => "off source",
             Self::Step => "settles in",
             Self::Noise => "moves a frame",
@@ -151,6 +155,7 @@ impl Extra {
 
     fn value(self, row: &StressRow) -> String {
         let text = match self {
+            Self::Lag => row.lag_frames.map(|v| format!("{v:.1} fr.")),
             Self::Tracking => row.tracking_deg.map(|v| format!("{v:.1}°")),
             Self::Step => row.step_frames.map(|v| format!("{v} fr.")),
             Self::Noise => row.motion_noise_deg.map(|v| format!("{v:.2}°")),

@@ -37,6 +37,8 @@ pub struct StressRow {
     pub transit: Option<f64>,
     /// Mean over the path of the moving source of the tracking error, degrees.
     pub tracking_deg: Option<f64>,
+    /// Tracking lag, camera frames.
+    pub lag_frames: Option<f64>,
     /// Motion noise of the lights, degrees per frame.
     pub motion_noise_deg: Option<f64>,
     /// Largest relative change of a light's radius between successive frames.
@@ -98,6 +100,7 @@ impl<'a> StressJudge<'a> {
                 soft_step_frames: None,
                 transit: None,
                 tracking_deg: None,
+                lag_frames: None,
                 motion_noise_deg: None,
                 radius_change: None,
                 churn: None,
@@ -123,6 +126,7 @@ impl<'a> StressJudge<'a> {
             soft_step_frames: soft.as_ref().and_then(|s| s.step),
             transit: finite(self.transit(sets)),
             tracking_deg: finite(self.tracking(sets)),
+            lag_frames: self.lag(sets),
             motion_noise_deg: finite(noise.flatten()),
             radius_change: finite(pulsing.flatten()),
             churn: finite(Spread::of(&stability::churn(sets)).map(|s| s.mean)),
@@ -181,6 +185,11 @@ impl<'a> StressJudge<'a> {
             stability::stray_energy(grid, map, &sets[t], &self.scenario.sources[t])
         });
         Some(stability::transit_energy(&stray.collect::<Vec<_>>(), energy))
+    }
+
+    /// Returns the tracking lag in a scenario of camera frames.
+    fn lag(&self, sets: &[LitSet]) -> Option<f64> {
+        self.scenario.has_lag.then(|| stability::tracking_lag(&self.references, sets)).flatten()
     }
 
     /// Returns the mean tracking error over the frames with a tracked source, degrees.

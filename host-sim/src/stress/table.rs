@@ -13,6 +13,7 @@ pub fn text(rows: &[StressRow], setting: &Setting, backgrounds: &str) -> String 
          # soft: the same three figures, and the step, of the lights read as discs of their radius.\n\
          # leak: unwarranted change in what cannot see the switched lamp. step: frames until a change has settled.\n\
          # transit: energy in empty sky over the switched lamp's. track: degrees off a moving source.\n\
+         # lag: camera frames by which the sets are late.\n\
          # noise: degrees that lights move per frame of a static noisy scene. radius: largest\n\
          # change of a radius per frame of such a scene. churn: lights born and died per frame.\n\
          # Definitions in host-sim/METRICS.md; a dash where a figure has no meaning.\n",
@@ -38,6 +39,7 @@ pub fn text(rows: &[StressRow], setting: &Setting, backgrounds: &str) -> String 
                 "soft step",
                 "transit %",
                 "track dg",
+                "lag",
                 "noise dg",
                 "radius %",
                 "churn",
@@ -62,6 +64,7 @@ fn line(out: &mut String, row: &StressRow) {
     cell(out, row.soft_step_frames.map(|v| v as f64), 0);
     cell(out, percent(row.transit), 2);
     cell(out, row.tracking_deg, 2);
+    cell(out, row.lag_frames, 1);
     cell(out, row.motion_noise_deg, 3);
     cell(out, percent(row.radius_change), 1);
     cell(out, row.churn, 1);

@@ -4,8 +4,10 @@
 //! part and of each lamp times its mean light while the row is exposed; then noise, response and quantisation are applied, as in
 //! [`crate::burst`].
 
+mod moving;
 mod wave;
 
+pub use moving::MovingView;
 pub use wave::{Change, Course, Wave};
 
 use crate::burst::{self, Sensor};
