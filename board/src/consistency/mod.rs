@@ -42,6 +42,18 @@ pub struct Inspector {
     levels: Levels,
     recent: Recent,
     is_uncertain: bool,
+    /// The frames of the last burst with stale frames, which are stored for comparison when new ones replace them.
+    waiting: Option<Waiting>,
+}
+
+/// The frames of a burst with stale frames.
+#[derive(Debug)]
+struct Waiting {
+    /// Exposure time times gain of each frame, seconds.
+    lights: [f64; MAX_EXPOSURES],
+    count: usize,
+    /// One bit for each frame, set if it is sound.
+    sound: u16,
 }
 
 /// Indices of a frame and of the frame with which it is compared, in ascending order of exposure.
@@ -79,6 +91,7 @@ impl Inspector {
             levels,
             recent: Recent::default(),
             is_uncertain: false,
+            waiting: None,
         })
     }
 
@@ -115,6 +128,7 @@ impl Inspector {
         while self.frames.len() < frames.len() {
             self.frames.push(self.grid.empty());
         }
+        self.store_replaced(burst);
         for (index, (frame, sampled)) in frames.iter().zip(&mut self.frames).enumerate() {
             // A frame that was part of the last inspected burst has the same samples.
             if burst.is_new(index) || self.sampled >> index & 1 == 0 {
@@ -132,8 +146,17 @@ impl Inspector {
             let fewer = kept.len() - 1;
             kept = &mut kept[..fewer];
         }
-        self.judge_levels(frames, kept, &verdicts, &mut left_out);
+        self.judge_levels(frames, kept, &verdicts, burst.stale != 0, &mut left_out);
         left_out
+    }
+
+    /// Stores the frames of a sliding window that the new frames of `burst` replace. The frames of a window are of different times: each frame
+    /// is compared with the frame of its exposure one round before, so that steady motion changes all exposures by the same factor.
+    fn store_replaced(&mut self, burst: &Burst) {
+        if let Some(Waiting { lights, count, sound }) = self.waiting.take() {
+            let seen = Seen { lights: &lights[..count], sampled: &self.frames[..count], kept: &[] };
+            self.levels.keep(&seen, |index| sound >> (index & 15) & 1 != 0 && burst.is_new(index));
+        }
     }
 
     /// Adds to `left_out` the frames of `kept` whose dark samples change as those of false frames, and determines whether the remaining
@@ -143,6 +166,7 @@ impl Inspector {
         frames: &[Frame],
         kept: &[usize],
         verdicts: &Verdicts,
+        is_window: bool,
         left_out: &mut FramesLeftOut,
     ) {
         let mut lights = [0.0; MAX_EXPOSURES];
@@ -175,7 +199,14 @@ impl Inspector {
         let is_unconfirmed =
             |index: &usize| judged[*index] == Judgement::Unknown && !verdicts.agree(*index, rest);
         self.is_uncertain |= !left_out.is_empty() && rest.iter().any(is_unconfirmed);
-        self.levels.keep(&seen, |index| rest.contains(&index) && !is_doubtful(index));
+        let is_sound = |index: usize| rest.contains(&index) && !is_doubtful(index);
+        if is_window {
+            let sound =
+                (0..frames.len()).filter(|index| is_sound(*index)).fold(0, |bits, i| bits | 1 << (i & 15));
+            self.waiting = Some(Waiting { lights, count: frames.len(), sound });
+        } else {
+            self.levels.keep(&seen, is_sound);
+        }
     }
 
     /// Compares the frames of neighbouring exposures and adds the results to the history; if they do not all agree, also compares the

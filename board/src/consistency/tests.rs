@@ -236,6 +236,22 @@ fn light_that_changes_in_all_exposures_of_a_dark_scene_is_no_fault() {
     }
 }
 
+/// In a sliding window, one frame is new and the others are older.
+#[test]
+fn light_that_grows_in_one_part_is_no_fault_in_a_sliding_window() {
+    let mut inspector = dark_inspector(&TIMES);
+    let mut burst = dark_burst(&TIMES, dim);
+    for frame in 0..12 {
+        let index = frame % TIMES.len();
+        let level = 1.2f64.powi((frame as i32 - 5).clamp(0, 4));
+        let scene = move |x: usize, y: usize| dim(x, y) * if y < SIZE / 2 { level } else { 1.0 };
+        burst.frames[index] = dark(TIMES[index], TIMES[index], scene);
+        burst.stale = !(1 << index);
+        assert_eq!(faults(&mut inspector, &burst), [], "frame {frame}");
+        assert!(!inspector.is_uncertain(), "frame {frame}");
+    }
+}
+
 #[test]
 fn a_change_that_no_other_exposure_can_confirm_is_uncertain_for_two_bursts() {
     let times = [0.0001, 0.036];
