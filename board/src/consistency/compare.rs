@@ -39,6 +39,10 @@ const SAME_EXPOSURE: f32 = 1.2;
 /// Share of the samples that show different objects, 0 to 1, from which a frame is tested for tearing.
 const TORN_SHARE: f32 = 0.04;
 
+/// Least number of codes of the shorter exposure in [`ENOUGH`] samples, measured or predicted by the longer exposure, from which the other frame is
+/// black if all its samples are 0: in dark light, hardly a sample is bright enough for a comparison one by one.
+const FAINT_CODES: f32 = 4.0;
+
 /// Result of the comparison of two frames of different exposure.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Comparison {
@@ -54,6 +58,8 @@ pub(super) struct Comparison {
     pub is_torn: bool,
     /// True if nearly all samples of the two frames are equal although the exposures differ.
     pub is_copy: bool,
+    /// For the shorter and the longer frame: true if all its samples are 0 although the other frame has light in enough of them.
+    are_blank: [bool; 2],
 }
 
 /// Numbers of samples of one frame that are darker or brighter than predicted.
@@ -113,6 +119,8 @@ pub(super) struct Pair<'a> {
     pub factor: f32,
     /// Least relative exposure of a sample that is compared, 0 to 1.
     pub least: f32,
+    /// Relative exposure of one code.
+    pub code: f32,
 }
 
 /// Working memory for the ratios of the samples: in the order of the rows, and for the median of all.
@@ -146,6 +154,7 @@ impl Comparison {
             }
             *end = by_row.len();
         }
+        found.are_blank = are_blank(&pair);
         found.is_copy = equal.is_nearly_all() && pair.factor.recip() > SAME_EXPOSURE;
         by_size.clone_from(by_row);
         let Some(median) = median(by_size).filter(|_| by_row.len() >= ENOUGH) else { return found };
@@ -191,8 +200,24 @@ impl Comparison {
 
     /// Returns the faults of the shorter and of the longer frame that is black or saturated as a whole.
     pub fn level_faults(&self) -> [Option<FrameFault>; 2] {
-        self.levels.map(|levels| levels.fault())
+        let blank = self.are_blank.map(|is_blank| is_blank.then_some(FrameFault::Black));
+        let [short, long] = self.levels.map(|levels| levels.fault());
+        [short.or(blank[0]), long.or(blank[1])]
     }
+}
+
+/// Returns, for the shorter and the longer frame, whether all its samples are 0 although the other frame has light in enough of them.
+fn are_blank(pair: &Pair<'_>) -> [bool; 2] {
+    let faint = FAINT_CODES * pair.code;
+    let is_zero = |frame: &Sampled| frame.rows().flatten().all(|sample| *sample == 0.0);
+    let is_lit = |frame: &Sampled, least: f32| {
+        let lit = frame.rows().flatten().filter(|sample| **sample >= least && **sample != SATURATED);
+        lit.count() >= ENOUGH
+    };
+    [
+        is_zero(pair.short) && is_lit(pair.long, faint / pair.factor),
+        is_zero(pair.long) && is_lit(pair.short, faint),
+    ]
 }
 
 /// Natural logarithms of the median ratios of the rows with enough samples.

@@ -234,7 +234,8 @@ impl Inspector {
     fn see(&mut self, frames: &[Frame], Pair { of: low, by: high }: Pair) -> Comparison {
         let factor = (frames[low].light() / frames[high].light()) as f32;
         let (short, long) = (&self.frames[low], &self.frames[high]);
-        Comparison::new(compare::Pair { short, long, factor, least: self.grid.least }, &mut self.scratch)
+        let Grid { least, code, .. } = self.grid;
+        Comparison::new(compare::Pair { short, long, factor, least, code }, &mut self.scratch)
     }
 }
 

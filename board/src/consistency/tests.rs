@@ -191,6 +191,22 @@ fn each_fault_of_a_dark_scene_is_found_and_named() {
     }
 }
 
+/// A bulb fills six samples of the grid and saturates the longest exposure. Without the shortest exposure the bulb would be lost.
+#[test]
+fn a_black_shortest_exposure_is_found_in_a_dark_room_with_a_bulb() {
+    let lit = |x: usize, y: usize| {
+        let is_bulb = (30..33).contains(&x) && (24..32).contains(&y);
+        if is_bulb { 1e4 } else { 3.0 * dim(x, y) }
+    };
+    let mut inspector = dark_inspector(&TIMES);
+    for burst in 0..8 {
+        assert_eq!(faults(&mut inspector, &dark_burst(&TIMES, lit)), [], "sound burst {burst}");
+    }
+    let mut burst = dark_burst(&TIMES, lit);
+    burst.frames[0] = dark(TIMES[0], 0.0, lit);
+    assert_eq!(faults(&mut inspector, &burst), [(0, FrameFault::Black)]);
+}
+
 #[test]
 fn swapped_frames_of_a_dark_scene_make_the_burst_uncertain() {
     let mut inspector = dark_inspector(&TIMES);
