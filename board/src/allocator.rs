@@ -5,8 +5,8 @@
 /// - Blocks of 256 KB and more, such as answers of thousands of lights, return to the system when they are freed. By default, glibc raises its
 ///   threshold `M_MMAP_THRESHOLD` to the size of the largest freed block and keeps freed blocks below the threshold: with sets of 50,000
 ///   lights, the program keeps 14 MB.
-/// - All threads allocate from one arena. By default, glibc creates up to eight arenas per processor, each of which keeps the largest
-///   sum of blocks that its threads have used at once. Threads seldom wait for each other, because no stage of the light path allocates.
+/// - All threads allocate from one arena. By default, glibc creates up to eight arenas per processor (two on 32-bit systems), each of
+///   which keeps blocks that its threads have freed. Threads seldom wait for each other, because no stage of the light path allocates.
 #[allow(unsafe_code, reason = "the options have no safe wrapper")]
 pub fn keep_little_memory() {
     // SAFETY: `mallopt` may be called at any time; it takes and returns integers.
@@ -32,9 +32,9 @@ mod tests {
     use super::*;
 
     fn resident_bytes() -> usize {
-        let statm = std::fs::read_to_string("/proc/self/statm").expect("a file of the kernel");
-        let pages = statm.split(' ').nth(1).expect("the resident pages");
-        4096 * pages.parse::<usize>().expect("a number")
+        let status = std::fs::read_to_string("/proc/self/status").expect("a file of the kernel");
+        let size = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).expect("the resident size");
+        1024 * size.trim().trim_end_matches(" kB").parse::<usize>().expect("a number")
     }
 
     #[test]

@@ -147,8 +147,8 @@ pub fn start(listener: std::net::TcpListener, app: App, limits: Limits) -> io::R
     Ok(Running { address, limits, runtime, stop, limiter, accepting })
 }
 
-/// Returns freed memory to the system in intervals, until the runtime ends. Otherwise answers and pipelines of different sizes fragment
-/// the allocator's arena, whose resident memory grows for days.
+/// Returns freed memory to the system in intervals, until the runtime ends. Answers and pipelines of different sizes leave free
+/// pages between used blocks of the allocator's arena, which otherwise stay resident.
 async fn return_memory() {
     let mut due = tokio::time::interval(TRIM);
     loop {
