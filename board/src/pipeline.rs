@@ -3,6 +3,7 @@
 //! All memory is allocated when the pipeline is made or the exposures of its bursts change; processing a burst allocates nothing. The polar
 //! map is allocated when a sampler or a picture needs it first.
 
+mod compared;
 mod inspection;
 mod parts;
 mod processed;
@@ -15,6 +16,7 @@ use crate::calibration::{Burst, Calibration, Frame};
 use crate::consistency::Inspector;
 use crate::polar::Polar;
 use crate::samplers::{self, Shape};
+use compared::Compared;
 use hemilux_core::mains::{Cell, Flicker, Mains};
 use hemilux_core::polar::LatLongView;
 use hemilux_core::pyramid::Quad;
@@ -42,6 +44,7 @@ pub struct Pipeline {
     sliding: Option<Sliding>,
     inspector: Inspector,
     mains: Mains<Vec<Cell>>,
+    compared: Compared,
     /// Modulation of the light over a mains period, as detected in the last merged burst.
     flicker: Flicker,
     /// Clipped and unseen shares of the map; `None` before the first merged burst.
@@ -89,6 +92,7 @@ impl Pipeline {
             sliding,
             inspector,
             mains,
+            compared: Compared::new(),
             flicker: Flicker::default(),
             seen: None,
             was_seen: false,
@@ -215,7 +219,7 @@ impl Pipeline {
             None if merged().next().is_none() => Err(PipelineError::NoFrame),
             _ => {
                 let seen = self.merge(merged(), added_up)?;
-                self.flicker = self.mains.update(&mut self.front.map_mut(), burst.phase_s());
+                self.flicker = self.remove_flicker(burst, frames_left_out);
                 Ok(seen)
             }
         }
@@ -247,16 +251,6 @@ impl Pipeline {
             flicker: self.flicker,
             times,
         }
-    }
-
-    /// Returns, for each frame of `burst`, whether it may be merged under the detected flicker: always true for the shortest and the
-    /// longest exposure.
-    fn steady(&self, burst: &Burst) -> [bool; MAX_EXPOSURES] {
-        let last = burst.frames.len().saturating_sub(1);
-        core::array::from_fn(|index| {
-            let seconds = burst.frames.get(index).map_or(0.0, |frame| frame.exposure.seconds);
-            index == 0 || index >= last || self.mains.keeps(seconds)
-        })
     }
 
     /// Merges the frames of a burst into the map; `added_up` is called after the pixels are summed and before the map is built from the

@@ -28,13 +28,17 @@ impl Sequence {
 
     /// Processes a burst at `seconds` in which the lamp's texel has the energy `lamp`; returns the texel's corrected energy and the modulation.
     fn burst(&mut self, seconds: f64, lamp: f64) -> (f64, Flicker) {
+        self.fill(lamp);
+        let found = self.mains.update(&mut self.map, Some(seconds));
+        (f64::from(self.map.texels()[LAMP].y()), found)
+    }
+
+    fn fill(&mut self, lamp: f64) {
         for (index, quad) in self.map.texels_mut().iter_mut().enumerate() {
             let y = if index == LAMP { lamp as f32 } else { STEADY };
             *quad = Quad::from_light([y; 3], healpix::centre(ORDER, index as u32).as_vec3());
         }
         self.map.build();
-        let found = self.mains.update(&mut self.map, Some(seconds));
-        (f64::from(self.map.texels()[LAMP].y()), found)
     }
 }
 
@@ -76,6 +80,45 @@ fn a_lamp_that_is_switched_in_flickering_light_is_followed_in_two_bursts() {
         let (y, _) = sequence.burst(seconds, level * lamp(100.0, seconds));
         let is_change = [25, 35, 45].contains(&burst);
         assert!(burst < 20 || is_change || (y - level * FULL).abs() < 0.05 * FULL, "burst {burst}: {y}");
+    }
+}
+
+/// A burst without its longest exposure records a lamp with another amplitude and phase: here with none, and 70 % above the mean.
+#[test]
+fn a_burst_that_lacks_exposures_does_not_change_the_later_bursts() {
+    for has_times in [true, false] {
+        let mut sequence = Sequence::new(Lamps::Auto);
+        for burst in 0..80 {
+            let seconds = f64::from(burst) * 3.0 / 28.0;
+            let is_apart = burst >= 25 && burst % 9 == 0;
+            sequence.fill(if is_apart { 1.7 * FULL } else { lamp(100.0, seconds) });
+            let found = if is_apart {
+                sequence.mains.update_apart(&mut sequence.map)
+            } else {
+                sequence.mains.update(&mut sequence.map, has_times.then_some(seconds))
+            };
+            let y = f64::from(sequence.map.texels()[LAMP].y());
+            assert!(burst < 20 || found.share > 0.1, "burst {burst}: {found:?}");
+            assert!(burst < 20 || (y / FULL - 1.0).abs() < 0.02, "burst {burst}: {y}, {found:?}");
+        }
+    }
+}
+
+/// With other exposures, a lamp is recorded with three tenths of the amplitude, half a period later.
+#[test]
+fn after_a_change_of_exposures_the_modulation_is_fitted_again_at_the_known_frequency() {
+    let mut sequence = Sequence::new(Lamps::Auto);
+    for burst in 0..60 {
+        let seconds = f64::from(burst) * 3.0 / 28.0;
+        let (full, other) = (lamp(100.0, seconds), FULL - 0.3 * (lamp(100.0, seconds) - FULL));
+        if burst == 30 {
+            sequence.mains.refit();
+        }
+        let (y, found) = sequence.burst(seconds, if burst < 30 { full } else { other });
+        let expected = if (30..34).contains(&burst) { other } else { FULL };
+        assert!(burst < 20 || found.frequency_hz.is_some(), "burst {burst}: {found:?}");
+        let is_known = (20..34).contains(&burst) || burst >= 36;
+        assert!(!is_known || (y / expected - 1.0).abs() < 0.02, "burst {burst}: {y}, expected {expected}");
     }
 }
 

@@ -13,6 +13,7 @@ impl Pipeline {
     /// confirm it.
     pub fn expect_exposures(&mut self, exposures: &[Exposure]) {
         self.inspector.expect(exposures);
+        self.compared.expect(exposures);
     }
 
     /// Returns the frames of the next burst that must not be merged: those that contradict the others. All frames are left out if the

@@ -97,16 +97,19 @@ pub(super) struct Fits {
     best: usize,
     slots: [usize; WINDOW],
     window: Window,
+    /// Whether the window has bursts of other merged exposures.
+    is_reselected: bool,
 }
 
 impl Fits {
-    /// Computes the fits of a modulation of `frequency`, whose phase in the newest burst is `phase` periods.
-    pub fn new(window: &Window, phase: f64, frequency: f64) -> Self {
+    /// Computes the fits of a modulation of `frequency`, whose phase in the newest burst is `phase` periods. `is_reselected` states whether bursts of
+    /// other merged exposures are in the window.
+    pub fn new(window: &Window, phase: f64, frequency: f64, is_reselected: bool) -> Self {
         let basis = Basis::new(window, phase, frequency);
         let fits = core::array::from_fn(|bursts| Fit::new(window, &basis, bursts));
         let best = most_even(window, &basis);
         let slots = core::array::from_fn(|back| window.slot(back));
-        Self { basis, fits, best, slots, window: *window }
+        Self { basis, fits, best, slots, window: *window, is_reselected }
     }
 
     /// Returns the fit to the last `age` bursts of a cell; `None` if so few bursts do not determine a mean.
@@ -124,6 +127,10 @@ impl Fits {
         let without_wave = (y - found.wave).max(0.0);
         if found.is_step(STEP_DEVIATIONS, STEP_SHARE) {
             cell.since = self.window.number().wrapping_sub(1);
+            if self.is_reselected {
+                cell.shape = [0.0; SHAPE];
+                return None;
+            }
             if cell.has_shape() && self.light(cell, newest) < HALF_LIGHT {
                 return Some(Level { y: without_wave, depth, is_modulated: true });
             }

@@ -46,7 +46,7 @@ use cell::{Fits, Level};
 pub use frequency::Lamps;
 use frequency::Lock;
 pub use rate::{best_rate, whole_periods};
-use window::Window;
+use window::{WINDOW, Window};
 
 /// Difference between the orders of a cell and of the region that contains it.
 const REGION: u8 = 2;
@@ -117,6 +117,10 @@ struct MainsState {
     /// The time that the caller stated for the last burst, seconds.
     stated: Option<f64>,
     lock: Option<Lock>,
+    /// Number of the last burst before a change of the merged exposures by [`Mains::reselect`].
+    reselected: Option<u32>,
+    /// Number of bursts of [`Mains::update_apart`] since the newest burst of the window.
+    apart: u32,
 }
 
 impl<B: Buffer<Cell>> Mains<B> {
@@ -136,6 +140,8 @@ impl<B: Buffer<Cell>> Mains<B> {
                 has_times: true,
                 stated: None,
                 lock: None,
+                reselected: None,
+                apart: 0,
             },
             cells,
         })
@@ -152,6 +158,25 @@ impl<B: Buffer<Cell>> Mains<B> {
     /// Discards the light of all earlier bursts.
     pub fn restart(&mut self) {
         self.state.restart(self.cells.as_mut());
+    }
+
+    /// Discards the modulation of each cell, because the next bursts are merged from other exposures than the earlier bursts, in which a lamp has
+    /// another modulation. A known frequency and its phase are kept.
+    pub fn refit(&mut self) {
+        if self.state.lock.is_none() {
+            return self.restart();
+        }
+        let since = self.state.window.number();
+        for cell in self.cells.as_mut() {
+            *cell = Cell { past: cell.past, colour: cell.colour, since, ..Cell::default() };
+        }
+    }
+
+    /// States that the next bursts are merged without exposures for which [`Mains::keeps`] has become false, or with them again. The modulation of a
+    /// cell that was valid in these exposures changes, so that a cell whose energy changes abruptly is fitted again without its former
+    /// modulation; the fits of other cells are kept.
+    pub fn reselect(&mut self) {
+        self.state.reselected = Some(self.state.window.number());
     }
 
     /// Returns whether the next burst is to be merged with an exposure of `seconds` that is neither its shortest nor its longest.
@@ -173,9 +198,7 @@ impl<B: Buffer<Cell>> Mains<B> {
     ///
     /// A map without significant modulation, and a map of another domain or order, is not changed.
     pub fn update<Q: Buffer<Quad>>(&mut self, map: &mut Pyramid<Q>, at: Option<f64>) -> Flicker {
-        let view = map.view();
-        let is_other = view.domain() != Domain::Hemisphere || cell_order(view.order()) != self.state.order;
-        if self.state.lamps == Lamps::Off || is_other {
+        if !self.fits(map) {
             return Flicker::default();
         }
         let cells = self.cells.as_mut();
@@ -184,6 +207,28 @@ impl<B: Buffer<Cell>> Mains<B> {
             Some(lock) => self.state.correct(map, &lock, cells),
             None => Flicker::default(),
         }
+    }
+
+    /// Processes the map of a burst that lacks exposures of the other bursts: replaces the energy of each modulated cell by its mean in the last
+    /// burst of [`Mains::update`]. The light of the burst is not stored, because the modulation of a lamp differs with the exposures.
+    ///
+    /// A change of a modulated lamp in such a burst is followed from the next burst of [`Mains::update`] on.
+    pub fn update_apart<Q: Buffer<Quad>>(&mut self, map: &mut Pyramid<Q>) -> Flicker {
+        if !self.fits(map) {
+            return Flicker::default();
+        }
+        self.state.apart = self.state.apart.saturating_add(1);
+        match self.state.lock {
+            Some(lock) => self.state.repeat(map, &lock, self.cells.as_mut()),
+            None => Flicker::default(),
+        }
+    }
+
+    /// Returns whether lamps are searched in maps of the domain and order of `map`.
+    fn fits<Q: Buffer<Quad>>(&self, map: &Pyramid<Q>) -> bool {
+        let view = map.view();
+        let is_other = view.domain() != Domain::Hemisphere || cell_order(view.order()) != self.state.order;
+        self.state.lamps != Lamps::Off && !is_other
     }
 }
 
@@ -203,7 +248,7 @@ struct Divided<'a> {
 
 impl MainsState {
     fn restart(&mut self, cells: &mut [Cell]) {
-        (self.window, self.lock) = (Window::default(), None);
+        (self.window, self.lock, self.reselected) = (Window::default(), None, None);
         cells.fill(Cell::default());
     }
 
@@ -221,7 +266,8 @@ impl MainsState {
         let at = at.filter(|at| self.stated.replace(*at) != Some(*at));
         let has_times = at.is_some();
         let last = self.window.last();
-        let at = at.unwrap_or_else(|| last.map_or(0.0, |last| last + 1.0));
+        let apart = f64::from(core::mem::take(&mut self.apart));
+        let at = at.unwrap_or_else(|| last.map_or(0.0, |last| last + 1.0 + apart));
         let gap = last.map_or(0.0, |last| at - last);
         let follows = last.is_none() || (gap > 0.0 && (gap < LONGEST_GAP_S || !has_times));
         if !follows || has_times != self.has_times {
@@ -258,19 +304,44 @@ impl MainsState {
 
     /// Replaces the energy of each modulated cell by its mean.
     fn correct<Q: Buffer<Quad>>(&self, map: &mut Pyramid<Q>, lock: &Lock, cells: &mut [Cell]) -> Flicker {
-        let fits = Fits::new(&self.window, lock.phase, lock.frequency);
+        let fits = self.fits_at(lock);
+        self.replace_levels(map, lock, cells, |cell, in_region| fits.level(cell, in_region))
+    }
+
+    /// Replaces the energy of each modulated cell by its mean in the newest burst of the window.
+    fn repeat<Q: Buffer<Quad>>(&self, map: &mut Pyramid<Q>, lock: &Lock, cells: &mut [Cell]) -> Flicker {
+        let fits = self.fits_at(lock);
+        self.replace_levels(map, lock, cells, |cell, in_region| {
+            let mut copy = *cell;
+            fits.level(&mut copy, in_region).filter(|level| level.is_modulated)
+        })
+    }
+
+    fn fits_at(&self, lock: &Lock) -> Fits {
+        let is_reselected = self.reselected.is_some_and(|since| self.window.age(since) < WINDOW);
+        Fits::new(&self.window, lock.phase, lock.frequency, is_reselected)
+    }
+
+    /// Replaces the energy of each cell for which `level` returns one; its second argument is whether the cell's region is modulated.
+    fn replace_levels<Q: Buffer<Quad>>(
+        &self,
+        map: &mut Pyramid<Q>,
+        lock: &Lock,
+        cells: &mut [Cell],
+        level: impl Fn(&mut Cell, bool) -> Option<Level>,
+    ) -> Flicker {
         let Divided { cells, regions } = self.divide(cells);
         let (order, mut sums) = (self.order, Corrected::default());
         let below = 2 * map.view().order().get().saturating_sub(order);
         let many = 1 << (2 * (order - region_order(order)));
         for (region, (index, cells)) in regions.iter_mut().zip(cells.chunks_mut(many).enumerate()) {
             let first = many * index;
-            let in_region = fits.level(region, false).is_some();
+            let in_region = level(region, false).is_some();
             if !in_region && !region.has_shape() {
                 continue;
             }
             for (index, cell) in cells.iter_mut().enumerate() {
-                let Some(level) = fits.level(cell, in_region) else { continue };
+                let Some(level) = level(cell, in_region) else { continue };
                 let texels = ((first + index) << below)..((first + index + 1) << below);
                 let Some(texels) = map.texels_mut().get_mut(texels) else { continue };
                 replace(texels, &level, cell, CellIndex { order, cell: (first + index) as u32 });
