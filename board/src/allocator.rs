@@ -28,8 +28,32 @@ pub fn return_free_pages() {
 }
 
 #[cfg(all(test, target_os = "linux", target_env = "gnu"))]
-mod tests {
+pub(crate) mod tests {
     use super::*;
+    use std::sync::{Mutex, MutexGuard, PoisonError};
+
+    static ONE_TEST: Mutex<()> = Mutex::new(());
+
+    /// 50 MB of freed memory below a used block; one test at a time holds such memory.
+    pub(crate) struct FreedMemory {
+        _last: Option<Vec<u8>>,
+        bytes_before: usize,
+        _lock: MutexGuard<'static, ()>,
+    }
+
+    impl FreedMemory {
+        pub(crate) fn new() -> Self {
+            let lock = ONE_TEST.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut blocks: Vec<_> = (0..500).map(|_| vec![1_u8; 100_000]).collect();
+            let last = blocks.pop();
+            drop(blocks);
+            Self { _last: last, bytes_before: resident_bytes(), _lock: lock }
+        }
+
+        pub(crate) fn is_returned(&self) -> bool {
+            resident_bytes() + 40_000_000 < self.bytes_before
+        }
+    }
 
     fn resident_bytes() -> usize {
         let status = std::fs::read_to_string("/proc/self/status").expect("a file of the kernel");
@@ -39,13 +63,9 @@ mod tests {
 
     #[test]
     fn free_pages_below_a_used_block_return_to_the_system() {
-        let mut blocks: Vec<_> = (0..500).map(|_| vec![1_u8; 100_000]).collect();
-        let last = blocks.pop();
-        drop(blocks);
-        let before = resident_bytes();
+        let memory = FreedMemory::new();
+        assert!(!memory.is_returned());
         return_free_pages();
-        let after = resident_bytes();
-        assert!(after + 40_000_000 < before, "{before} bytes before, {after} after");
-        drop(last);
+        assert!(memory.is_returned());
     }
 }

@@ -82,6 +82,11 @@ impl Counts {
         self.requests[route][class].fetch_add(1, Relaxed);
     }
 
+    /// Returns the number of answers.
+    pub(super) fn answers(&self) -> u64 {
+        self.requests.iter().flatten().map(|count| count.load(Relaxed)).sum()
+    }
+
     /// Counts a light set that was sent `passed` after the set was finished.
     pub(super) fn delivered(&self, passed: Duration) {
         let us = u64::try_from(passed.as_micros()).unwrap_or(u64::MAX);

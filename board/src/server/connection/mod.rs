@@ -11,13 +11,14 @@ pub(super) use limiter::ConnectionLimiter;
 pub(super) use tcp::Enlarged;
 
 use super::App;
+use super::counts::Counts;
 use crate::allocator;
 use acceptor::Acceptor;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::net::TcpListener;
 use tokio::runtime::{Builder, Runtime};
 use tokio::signal::unix::{Signal, SignalKind, signal};
@@ -37,8 +38,14 @@ const OTHER_DESCRIPTORS: u64 = 64;
 /// Longest wait at the server's shutdown for the end of connections that were cut.
 const CUT: Duration = Duration::from_millis(100);
 
-/// Interval at which the server returns freed memory to the system.
+/// Longest time after which the server returns freed memory to the system.
 const TRIM: Duration = Duration::from_secs(60);
+
+/// Number of answers after which it does so earlier, at most once in [`TRIM_CHECK`].
+const TRIM_ANSWERS: u64 = 1000;
+
+/// Interval at which the number of answers is read.
+const TRIM_CHECK: Duration = Duration::from_secs(1);
 
 /// Limits on the resources that clients use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -140,20 +147,25 @@ pub fn start(listener: std::net::TcpListener, app: App, limits: Limits) -> io::R
     let address = listener.local_addr()?;
     let listener = runtime.block_on(async { TcpListener::from_std(listener) })?;
     let limiter = ConnectionLimiter::new(limits.connections, limits.per_address);
-    let stop = Arc::clone(&app.stop);
+    let (stop, counts) = (Arc::clone(&app.stop), Arc::clone(&app.counts));
     let acceptor = Acceptor::new(app, limits, Arc::clone(&limiter));
     let accepting = runtime.spawn(acceptor.run(listener));
-    runtime.spawn(return_memory());
+    runtime.spawn(return_memory(counts));
     Ok(Running { address, limits, runtime, stop, limiter, accepting })
 }
 
-/// Returns freed memory to the system in intervals, until the runtime ends. Answers and pipelines of different sizes leave free
-/// pages between used blocks of the allocator's arena, which otherwise stay resident.
-async fn return_memory() {
-    let mut due = tokio::time::interval(TRIM);
+/// Returns freed memory to the system after [`TRIM_ANSWERS`] answers or [`TRIM`], until the runtime ends. Answers and pipelines of different
+/// sizes leave free pages between used blocks of the allocator's arena, which otherwise stay resident.
+async fn return_memory(counts: Arc<Counts>) {
+    let mut due = tokio::time::interval(TRIM_CHECK);
+    let (mut returned, mut at) = (Instant::now(), 0);
     loop {
         due.tick().await;
-        allocator::return_free_pages();
+        let answers = counts.answers();
+        if answers - at >= TRIM_ANSWERS || returned.elapsed() >= TRIM {
+            allocator::return_free_pages();
+            (returned, at) = (Instant::now(), answers);
+        }
     }
 }
 
@@ -208,4 +220,25 @@ impl Running {
 /// Waits until the shutdown of the server begins.
 pub(super) async fn stopped(stop: &mut watch::Receiver<bool>) {
     let _ = stop.wait_for(|stop| *stop).await;
+}
+
+#[cfg(all(test, target_os = "linux", target_env = "gnu"))]
+mod tests {
+    use super::*;
+    use crate::allocator::tests::FreedMemory;
+
+    #[test]
+    fn after_a_thousand_answers_freed_memory_returns_to_the_system() {
+        let runtime = Builder::new_multi_thread().worker_threads(1).enable_time().build().expect("a runtime");
+        let counts = Arc::new(Counts::default());
+        runtime.spawn(return_memory(Arc::clone(&counts)));
+        let memory = FreedMemory::new();
+        (0..TRIM_ANSWERS).for_each(|_| counts.answered("/v1/lights", 200));
+        let began = Instant::now();
+        while !memory.is_returned() {
+            assert!(began.elapsed() < Duration::from_secs(30), "no memory was returned");
+            std::thread::sleep(Duration::from_millis(100));
+        }
+        runtime.shutdown_background();
+    }
 }
