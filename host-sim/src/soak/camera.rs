@@ -1,13 +1,14 @@
-//! Camera of a soak test: a source of bursts of 64 by 48 pixels whose light rises and falls like daylight. A call of `next` returns
-//! a burst without a wait, except during outages, which are long enough for stale sets.
+//! Camera of a soak test: a source of bursts of 64 by 48 pixels whose light rises and falls like daylight, with lamps on the mains in the
+//! evening and in the morning. A call of `next` returns a burst without a wait, except during outages, which are long enough for stale sets.
 
+use super::lamps::{self, LampLight};
 use hemilux::calibration::{Burst, Calibration, Frame, Pixels};
 use hemilux::clock;
 use hemilux::source::{Source, SourceError};
 use hemilux_core::format::Format;
 use hemilux_core::{Exposure, Lens, Levels};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Columns of a frame.
@@ -43,19 +44,26 @@ const FIRST_NS: u64 = 3_600_000_000_000;
 /// Code of the sun in the shortest exposure at the brightest moment, divided by the largest code.
 const BRIGHTEST: f32 = 0.8;
 
-/// Relative light of the newest burst and number of the bursts that the camera has returned; the camera and the judge of the sets share
-/// both.
+/// Light of a burst.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Light {
+    /// Daylight divided by the daylight at the brightest moment.
+    pub day: f64,
+    /// Light of the lamps; `None` while they are off.
+    pub lamps: Option<LampLight>,
+}
+
+/// Light of the newest burst and number of the bursts that the camera has returned; the camera and the judge of the sets share both.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Daylight {
-    /// Bits of an `f64`: the radiance in the newest burst divided by the radiance at the brightest moment.
-    light: Arc<AtomicU64>,
+pub(super) struct Newest {
+    light: Arc<Mutex<Light>>,
     bursts: Arc<AtomicU64>,
 }
 
-impl Daylight {
-    /// Returns the radiance in the newest burst divided by the radiance at the brightest moment.
-    pub fn light(&self) -> f64 {
-        f64::from_bits(self.light.load(Ordering::Relaxed))
+impl Newest {
+    /// Returns the light of the newest burst.
+    pub fn light(&self) -> Light {
+        *self.light.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Returns the number of bursts that the camera has returned.
@@ -64,12 +72,15 @@ impl Daylight {
     }
 }
 
-/// A source of bursts of a still scene whose radiance rises and falls exponentially with the burst number.
+/// A source of bursts of a still scene whose daylight rises and falls exponentially with the burst number, with or without lamps.
 pub(super) struct DayCamera {
     calibration: Calibration,
     exposures: Vec<Exposure>,
     /// Code of each sample in the shortest exposure at the brightest moment, divided by the largest code.
     still: Vec<f32>,
+    /// Code of each sample under the lamps in the shortest exposure at the mean of their waveform, divided by the largest code; `None` for a
+    /// camera without lamps.
+    lit: Option<Vec<f32>>,
     /// Offset of each sample in codes, added before rounding down: the mean of dark samples is unbiased, as with the noise of a sensor.
     dither: Vec<f32>,
     bursts: u64,
@@ -77,7 +88,7 @@ pub(super) struct DayCamera {
     half_day: f64,
     /// Time until which the device is missing.
     gone_until: Option<Instant>,
-    daylight: Daylight,
+    newest: Newest,
 }
 
 impl DayCamera {
@@ -96,17 +107,28 @@ impl DayCamera {
             calibration,
             exposures,
             still,
+            lit: Some(lamps::levels(WIDTH, HEIGHT)),
             dither,
             bursts: 0,
             half_day,
             gone_until: None,
-            daylight: Daylight::default(),
+            newest: Newest::default(),
         })
     }
 
+    /// Returns the camera without lamps.
+    pub fn without_lamps(self) -> Self {
+        Self { lit: None, ..self }
+    }
+
+    /// Returns the camera with steady lamps, at the mean of their waveform, in place of the daylight at the brightest moment.
+    pub fn with_lamps_alone(self) -> Self {
+        Self { still: lamps::levels(WIDTH, HEIGHT), lit: None, ..self }
+    }
+
     /// Returns a handle to the light and the number of bursts, which `next` updates.
-    pub fn daylight(&self) -> Daylight {
-        self.daylight.clone()
+    pub fn newest(&self) -> Newest {
+        self.newest.clone()
     }
 
     /// Returns true during the outage that precedes a burst of every [`BETWEEN_OUTAGES`].
@@ -118,10 +140,29 @@ impl DayCamera {
         Instant::now() < *self.gone_until.get_or_insert_with(|| Instant::now() + OUTAGE)
     }
 
-    /// Returns the radiance of the next burst divided by the radiance at the brightest moment; it changes by a constant factor per burst.
-    fn light(&self) -> f64 {
-        let phase = (self.bursts as f64 / self.half_day) % 2.0;
-        DARKEST.powf(1.0 - if phase < 1.0 { phase } else { 2.0 - phase })
+    /// Returns the time of day of the next burst: 0 at the darkest moment, 1 at the brightest, below 2.
+    fn time_of_day(&self) -> f64 {
+        (self.bursts as f64 / self.half_day) % 2.0
+    }
+
+    /// Returns the daylight of the next burst, which changes by a constant factor per burst, and the lamps without an exposure.
+    fn light(&self) -> Light {
+        let time = self.time_of_day();
+        let day = DARKEST.powf(1.0 - if time < 1.0 { time } else { 2.0 - time });
+        Light { day, lamps: self.lit.as_ref().and_then(|_| lamps::wave(time)).map(LampLight::new) }
+    }
+
+    /// Writes the codes of a frame: the still scene times `gain`, and the light of the lamps times `lamps`.
+    fn record(&self, codes: &mut Vec<u16>, gain: f32, lamps: Option<f32>) {
+        codes.clear();
+        let still = self.still.iter().zip(&self.dither);
+        match self.lit.as_ref().zip(lamps) {
+            Some((lit, lamps)) => {
+                let samples = still.zip(lit);
+                codes.extend(samples.map(|((day, dither), lit)| (day * gain + lit * lamps + dither) as u16));
+            }
+            None => codes.extend(still.map(|(level, dither)| (level * gain + dither) as u16)),
+        }
     }
 }
 
@@ -177,7 +218,7 @@ impl Source for DayCamera {
         if self.is_gone() {
             return Err(SourceError::Gone("found no device, expected the camera of the soak test".into()));
         }
-        let light = self.light();
+        let mut light = self.light();
         burst.phase_ns = time_ns(self.bursts);
         self.bursts += 1;
         burst.before_ns = clock::monotonic_ns();
@@ -185,17 +226,19 @@ impl Source for DayCamera {
         while burst.frames.len() < self.exposures.len() {
             burst.frames.push(Frame { exposure: self.exposures[0], pixels: Pixels::U16(Vec::new()) });
         }
-        for (frame, exposure) in burst.frames.iter_mut().zip(&self.exposures) {
+        let frame_ns = INTERVAL_NS / self.exposures.len().max(1) as u64;
+        let first_ns = burst.phase_ns;
+        let ends = (0..).map(|index: u64| (first_ns + index * frame_ns) as f64 * 1e-9);
+        for ((frame, exposure), end_s) in burst.frames.iter_mut().zip(&self.exposures).zip(ends) {
             frame.exposure = *exposure;
-            let gain = (f64::from(WHITE) * light * exposure.seconds / SECONDS[0]) as f32;
+            let gain = f64::from(WHITE) * exposure.seconds / SECONDS[0];
+            let lamps = light.lamps.as_mut().map(|lamps| gain * lamps.expose(end_s, exposure.seconds));
             if let Pixels::U16(codes) = &mut frame.pixels {
-                codes.clear();
-                let samples = self.still.iter().zip(&self.dither);
-                codes.extend(samples.map(|(level, dither)| (level * gain + dither) as u16));
+                self.record(codes, (gain * light.day) as f32, lamps.map(|v| v as f32));
             }
         }
-        self.daylight.light.store(light.to_bits(), Ordering::Relaxed);
-        self.daylight.bursts.store(self.bursts, Ordering::Relaxed);
+        *self.newest.light.lock().unwrap_or_else(PoisonError::into_inner) = light;
+        self.newest.bursts.store(self.bursts, Ordering::Relaxed);
         burst.timestamp_ns = clock::monotonic_ns();
         Ok(())
     }

@@ -1,10 +1,17 @@
 //! Comparison of every published set with the known light of its burst, and the recovery from each fault.
+//!
+//! Under lamps on the mains, the light of a burst is the mean over a period of the lamps. Sets of bursts whose flicker is not removed, or not yet,
+//! may have any light that the exposures of the burst record. Few sets may differ from the mean after that; none may have more or less than
+//! exposures at any phase record.
 
-use super::camera::Daylight;
+use super::camera::{Light, Newest};
+use super::lamps::{LampRange, LampWatch, SetState};
 use super::tally::{Published, Tally};
 use hemilux::light_set::OwnedSet;
+use hemilux::pipeline::Settings;
 use hemilux::probe::Link;
 use hemilux::source::{Fault, FaultCounts};
+use hemilux_core::color::luminance;
 use hemilux_core::wire::FramesLeftOut;
 use hemilux_core::{Extrapolation, SamplerKind};
 use std::sync::Arc;
@@ -31,6 +38,15 @@ pub(super) struct FaultOutcome {
     pub unrecovered: u64,
 }
 
+/// Fluxes of sets without and with extrapolation.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Fluxes {
+    /// Flux of the daylight at the brightest moment.
+    pub day: [f64; 2],
+    /// Flux of the lamps at the mean of their waveform.
+    pub lamps: [f64; 2],
+}
+
 /// Counts of the sets and faults of a soak test.
 #[derive(Debug, Default)]
 pub(super) struct Outcome {
@@ -44,6 +60,14 @@ pub(super) struct Outcome {
     pub left_out: u64,
     /// Number of sets of degraded quality.
     pub degraded: u64,
+    /// Number of sets while the lamps are lit.
+    pub lit: u64,
+    /// Number of these sets with a setting `mains` with which the probe searches the frequency of the lamps.
+    pub searched: u64,
+    /// Number of the latter sets in which the lamps are found.
+    pub found: u64,
+    /// Number of sets whose flux differs from the mean of the lamps although they have been found for sixteen bursts, or are off.
+    pub off_mean: u64,
     pub wrong: u64,
     /// Faults by kind, in the order of [`Fault::ALL`].
     pub faults: [FaultOutcome; Fault::ALL.len()],
@@ -53,13 +77,13 @@ pub(super) struct Outcome {
 
 /// Compares the published sets of a soak test with the light of their bursts.
 pub(super) struct SetJudge {
-    /// Flux of a set at the brightest moment, without and with extrapolation.
-    flux: [f64; 2],
-    daylight: Daylight,
+    flux: Fluxes,
+    newest: Newest,
     tally: Arc<Tally>,
     counts: Arc<FaultCounts>,
     /// Flux of the newest set that does not repeat the lights of an earlier burst.
     merged: f64,
+    lamps: LampWatch,
     /// Name of the kind of the last fault.
     last: &'static str,
     /// Number of faults of each kind that no set of all frames has followed so far.
@@ -70,13 +94,14 @@ pub(super) struct SetJudge {
 }
 
 impl SetJudge {
-    pub fn new(flux: [f64; 2], daylight: &Daylight, tally: &Arc<Tally>, counts: &Arc<FaultCounts>) -> Self {
+    pub fn new(flux: Fluxes, newest: &Newest, tally: &Arc<Tally>, counts: &Arc<FaultCounts>) -> Self {
         Self {
             flux,
-            daylight: daylight.clone(),
+            newest: newest.clone(),
             tally: Arc::clone(tally),
             counts: Arc::clone(counts),
             merged: 0.0,
+            lamps: LampWatch::default(),
             last: "no fault",
             pending: [0; Fault::ALL.len()],
             since: 0,
@@ -96,8 +121,8 @@ impl SetJudge {
     fn wrong(&mut self, frame: u64, what: &str) {
         self.outcome.wrong += 1;
         if self.outcome.words.len() < DESCRIBED {
-            let (last, since, light) = (self.last, self.since, self.daylight.light());
-            let line = format!("frame {frame}: {what}; light {light:.5}, {since} bursts after {last}");
+            let (last, since, light) = (self.last, self.since, self.newest.light());
+            let line = format!("frame {frame}: {what}; {light:?}, {since} bursts after {last}");
             eprintln!("soak: wrong: {line}");
             self.outcome.words.push(line);
         }
@@ -146,19 +171,24 @@ impl SetJudge {
         self.outcome.held += u64::from(is_held);
         self.outcome.left_out += u64::from(!set.frames_left_out.is_empty());
         self.outcome.degraded += u64::from(!set.degraded.is_none());
-        let full = self.flux[usize::from(config.extrapolation == Extrapolation::Average)];
-        let expected = if is_held { self.merged } else { full * self.daylight.light() };
+        let ranges = self.ranges(link, set, &config);
+        let [usual, [least, most]] = if is_held { [[self.merged; 2]; 2] } else { ranges };
         // The repeated set may be older than a change of the extrapolation.
         if !is_held || self.merged <= 0.0 {
             self.merged = flux;
         }
-        if (flux / expected - 1.0).abs() > WRONG || !flux.is_finite() {
+        let is_within =
+            |[least, most]: [f64; 2]| flux >= (1.0 - WRONG) * least && flux <= (1.0 + WRONG) * most;
+        self.outcome.off_mean += u64::from(!is_within(usual) && is_within([least, most]));
+        if !is_within([least, most]) {
             let left_out: Vec<_> = set.frames_left_out.iter().collect();
             let seconds = &link.settings().exposures().seconds;
             let set_up = format!("{seconds:?} s, {:?}, {:?}, {:?}", config.merge, config.lamps, set.flicker);
-            self.wrong(set.frame, &format!("flux {flux}, expected {expected}; {left_out:?}; {set_up}"));
+            let expected = format!("expected {least} to {most}");
+            self.wrong(set.frame, &format!("flux {flux}, {expected}; {left_out:?}; {set_up}"));
         }
-        let missing = set.view().missing_flux().map_or(0.0, |flux| flux[1].abs() / set.scalar_flux[1]);
+        // `pharr` keeps the luminance, not the single colours.
+        let missing = set.view().missing_flux().map_or(0.0, luminance).abs() / luminance(set.scalar_flux);
         if missing > LOST && config.sampler != SamplerKind::HemigonFir {
             self.wrong(
                 set.frame,
@@ -166,6 +196,30 @@ impl SetJudge {
             );
         }
         set.frames_left_out.is_empty()
+    }
+
+    /// Returns the usual and the possible least and most flux of a set of the newest burst, and counts sets under lamps.
+    fn ranges(&mut self, link: &Link, set: &OwnedSet, config: &Settings) -> [[f64; 2]; 2] {
+        let Light { day, lamps } = self.newest.light();
+        let exposures = link.settings().exposures();
+        let state = SetState {
+            lamps,
+            setting: config.lamps,
+            flicker: set.flicker,
+            seconds: &exposures.seconds,
+            is_partial: self.since == 0 || !set.frames_left_out.is_empty(),
+        };
+        if let Some(lamps) = lamps {
+            self.outcome.lit += 1;
+            if lamps.is_searched(config.lamps) {
+                self.outcome.searched += 1;
+                self.outcome.found += u64::from(set.flicker.frequency_hz.is_some());
+            }
+        }
+        let which = usize::from(config.extrapolation == Extrapolation::Average);
+        let (day, lit) = (self.flux.day[which] * day, self.flux.lamps[which]);
+        let LampRange { usual, possible } = self.lamps.follow(&state);
+        [usual, possible].map(|range| range.map(|light| day + light * lit))
     }
 }
 

@@ -4,6 +4,7 @@
 mod camera;
 mod clients;
 mod judge;
+mod lamps;
 mod report;
 mod tally;
 #[cfg(test)]
@@ -17,7 +18,7 @@ use hemilux::probe::{Config, Worker};
 use hemilux::server::{self, KnownHosts, Limits, Options};
 use hemilux::source::{FaultSource, FaultSpec, Source};
 use hemilux_core::Extrapolation;
-use judge::{Outcome, SetJudge};
+use judge::{Fluxes, Outcome, SetJudge};
 use report::{MemoryLog, SoakReport};
 use std::net::{Ipv4Addr, TcpListener};
 use std::sync::Arc;
@@ -48,20 +49,26 @@ pub struct SoakJob {
     pub replies: u64,
 }
 
-/// Returns the flux of a set at the brightest moment without and with extrapolation, computed from a burst without faults.
-fn brightest() -> Result<[f64; 2], SimError> {
-    let mut camera = camera(2)?;
+/// Returns the fluxes of sets of the daylight and of the lamps, computed from bursts without faults.
+fn fluxes() -> Result<Fluxes, SimError> {
+    Ok(Fluxes {
+        day: brightest(camera(2)?.without_lamps())?,
+        lamps: brightest(camera(2)?.with_lamps_alone())?,
+    })
+}
+
+/// Returns the flux of a set of `camera` at the brightest moment without and with extrapolation.
+fn brightest(mut camera: DayCamera) -> Result<[f64; 2], SimError> {
     let mut burst = hemilux::calibration::Burst::default();
     let failed = |e: &dyn std::fmt::Display| SimError::Failed(format!("soak: {e}"));
     for _ in 0..2 {
         camera.next(&mut burst).map_err(|e| failed(&e))?;
     }
-    let light = camera.daylight().light();
     let mut flux = [0.0; 2];
     for (flux, extrapolation) in flux.iter_mut().zip([Extrapolation::None, Extrapolation::Average]) {
         let settings = Settings { extrapolation, ..Settings::default() };
         let mut pipeline = Pipeline::try_new(*camera.calibration(), &camera.exposures(), settings)?;
-        *flux = f64::from(pipeline.process(&burst)?.scalar_flux[1]) / light;
+        *flux = f64::from(pipeline.process(&burst)?.scalar_flux[1]);
     }
     Ok(flux)
 }
@@ -79,9 +86,9 @@ pub fn run(job: &SoakJob) -> Result<SoakReport, SimError> {
     let failed = |e: &dyn std::fmt::Display| {
         SimError::Failed(format!("soak: found {e}, expected a probe and a server that start"))
     };
-    let flux = brightest()?;
+    let flux = fluxes()?;
     let camera = camera(job.frames)?;
-    let daylight = camera.daylight();
+    let newest = camera.newest();
     let faulty = FaultSource::new(Box::new(camera), job.faults.clone());
     let (counts, tally) = (faulty.counts(), Arc::new(Tally::new()));
     let mut worker = Worker::try_new(Box::new(faulty), "soak".into(), Config::default())?;
@@ -92,12 +99,12 @@ pub fn run(job: &SoakJob) -> Result<SoakReport, SimError> {
     let app = server::app(Arc::clone(&link), options);
     let running = server::start(listener, app, Limits::default()).map_err(|e| failed(&e))?;
     let (began, descriptors) = (Instant::now(), report::descriptors());
-    let mut judge = SetJudge::new(flux, &daylight, &tally, &counts);
+    let mut judge = SetJudge::new(flux, &newest, &tally, &counts);
     let threads = clients::start(address, &tally).map_err(|e| failed(&e))?;
     let (mut bursts, mut memory) = (0, MemoryLog::default());
     while bursts < job.frames || tally.replies.load(Ordering::Relaxed) < job.replies {
         let is_ok = worker.step().is_ok();
-        let taken = daylight.bursts();
+        let taken = newest.bursts();
         if taken == bursts {
             // The device is gone for the duration of a fault.
             std::thread::sleep(RETRY);

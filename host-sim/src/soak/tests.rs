@@ -1,5 +1,6 @@
 use super::*;
 use hemilux::calibration::{Burst, Calibration, Pixels};
+use hemilux::probe::settings::Change;
 use hemilux::source::SourceError;
 use hemilux_core::{Exposure, MergeMode};
 
@@ -34,39 +35,60 @@ impl Source for TornFrames {
     }
 }
 
-/// Processes the first `bursts` bursts of a run of `frames`, with the exposures `seconds`, and judges their sets.
-fn judged(
-    faults: &str,
-    frames: u64,
+/// A run of the first bursts of a soak test, without clients.
+struct Run<'a> {
+    faults: &'a str,
+    camera: DayCamera,
     bursts: u64,
-    seconds: Option<&[f64]>,
+    /// Exposure times, which change every 100 bursts; `None` for those of the camera.
+    seconds: &'a [Option<&'a [f64]>],
     merge: MergeMode,
-    wrap: impl FnOnce(Box<dyn Source>) -> Box<dyn Source>,
-) -> Outcome {
-    let camera = camera(frames).expect("a camera");
-    let daylight = camera.daylight();
-    let source = FaultSource::new(wrap(Box::new(camera)), faults.parse().expect("faults"));
-    let (counts, tally) = (source.counts(), Arc::new(Tally::new()));
-    let mut config = Config { exposures_s: seconds.map(<[f64]>::to_vec), ..Config::steady() };
-    config.pipeline.merge = merge;
-    let mut worker = Worker::try_new(Box::new(source), "soak".into(), config).expect("a worker");
-    let link = worker.link();
-    let mut judge = SetJudge::new(brightest().expect("a flux"), &daylight, &tally, &counts);
-    for _ in 0..bursts {
-        let is_ok = worker.step().is_ok();
-        judge.judge_burst(&link, is_ok);
-    }
-    judge.into_outcome()
 }
+
+impl Run<'_> {
+    /// Processes the bursts of `wrap` of the camera and compares their sets with `flux`.
+    fn judged(self, flux: Fluxes, wrap: impl FnOnce(Box<dyn Source>) -> Box<dyn Source>) -> Outcome {
+        let newest = self.camera.newest();
+        let source = FaultSource::new(wrap(Box::new(self.camera)), self.faults.parse().expect("faults"));
+        let (counts, tally) = (source.counts(), Arc::new(Tally::new()));
+        let seconds = |burst: usize| self.seconds[burst / 100 % self.seconds.len()];
+        let mut config = Config { exposures_s: seconds(0).map(<[f64]>::to_vec), ..Config::steady() };
+        config.pipeline.merge = self.merge;
+        let mut worker = Worker::try_new(Box::new(source), "soak".into(), config).expect("a worker");
+        let link = worker.link();
+        let mut judge = SetJudge::new(flux, &newest, &tally, &counts);
+        for burst in 0..self.bursts as usize {
+            if burst > 0 && burst % 100 == 0 && self.seconds.len() > 1 {
+                let setting =
+                    SETTINGS.iter().find(|setting| setting.name == "exposures_s").expect("a setting");
+                let mut change = Change::default();
+                change.add(setting, serde_json::json!(seconds(burst))).expect("exposures");
+                link.settings().change(&change).expect("legal exposures");
+            }
+            let is_ok = worker.step().is_ok();
+            judge.judge_burst(&link, is_ok);
+        }
+        judge.into_outcome()
+    }
+}
+
+fn flux() -> Fluxes {
+    fluxes().expect("fluxes")
+}
+
+const KINDS: [&str; 5] = ["torn", "swapped", "black", "saturated", "label"];
+const TWO: Option<&[f64]> = Some(&[0.000_926, 0.033_333]);
+const FOUR: Option<&[f64]> = Some(&[0.000_926, 0.003_704, 0.014_816, 0.059_264]);
 
 #[test]
 fn no_fault_in_dim_light_makes_a_wrong_set() {
     // The light rises from 1/500 to 1/100 of the brightest; rows of the shortest exposure have a mean of one to fourteen codes.
-    let two = Some(&[0.000_926, 0.033_333][..]);
-    for (seconds, merge) in [(None, MergeMode::All), (two, MergeMode::All), (two, MergeMode::Needed)] {
-        for (seed, kind) in ["torn", "swapped", "black", "saturated", "label"].into_iter().enumerate() {
+    for (seconds, merge) in [(None, MergeMode::All), (TWO, MergeMode::All), (TWO, MergeMode::Needed)] {
+        for (seed, kind) in KINDS.into_iter().enumerate() {
             let faults = format!("{kind}=0.05,sound=8,seed={seed}");
-            let outcome = judged(&faults, 8_000, 1_000, seconds, merge, |camera| camera);
+            let camera = camera(8_000).expect("a camera").without_lamps();
+            let run = Run { faults: &faults, camera, bursts: 1_000, seconds: &[seconds], merge };
+            let outcome = run.judged(flux(), |camera| camera);
             let seen: u64 = outcome.faults.iter().map(|fault| fault.seen).sum();
             assert!(seen > 30, "{kind}: {seen} faults");
             assert_eq!(outcome.wrong, 0, "{kind}, {seconds:?}, {merge:?}: {:#?}", outcome.words);
@@ -75,11 +97,53 @@ fn no_fault_in_dim_light_makes_a_wrong_set() {
 }
 
 #[test]
+fn neither_faults_nor_other_exposures_make_a_wrong_set_under_lamps() {
+    let settings = [
+        (&[None][..], MergeMode::All),
+        (&[None], MergeMode::Needed),
+        (&[None, TWO, None, FOUR], MergeMode::All),
+    ];
+    let (mut found, mut off_mean) = (0, 0);
+    for ((seconds, merge), (seed, kind)) in settings
+        .into_iter()
+        .flat_map(|run| KINDS.into_iter().chain(["drop"]).enumerate().map(move |kind| (run, kind)))
+    {
+        let faults = format!("{kind}=0.05,sound=8,seed={seed}");
+        // The lamps are lit from burst 150 to burst 600.
+        let camera = camera(3_000).expect("a camera");
+        let outcome =
+            Run { faults: &faults, camera, bursts: 800, seconds, merge }.judged(flux(), |camera| camera);
+        assert!(outcome.lit > 350, "{kind}: {} sets under lamps", outcome.lit);
+        assert!(2 * outcome.found > outcome.searched, "{kind}: {} sets with lamps found", outcome.found);
+        assert_eq!(outcome.wrong, 0, "{kind}, {seconds:?}, {merge:?}: {:#?}", outcome.words);
+        (found, off_mean) = (found + outcome.found, off_mean + outcome.off_mean);
+    }
+    assert!(200 * off_mean <= found, "{off_mean} of {found} sets differ from the mean light of the lamps");
+}
+
+#[test]
+fn sets_of_other_lamps_are_wrong() {
+    let wrong = |factor: f64| {
+        let flux = Fluxes { lamps: flux().lamps.map(|v| factor * v), ..flux() };
+        let camera = camera(3_000).expect("a camera");
+        let run = Run { faults: "all=0", camera, bursts: 700, seconds: &[None], merge: MergeMode::All };
+        let outcome = run.judged(flux, |camera| camera);
+        outcome.wrong + outcome.off_mean
+    };
+    assert_eq!(wrong(1.0), 0, "the lamps of the camera");
+    assert!([wrong(0.7), wrong(1.3)].iter().all(|wrong| *wrong > 200), "other lamps");
+}
+
+#[test]
 fn sets_of_torn_bursts_of_one_exposure_are_wrong() {
     let torn = |factor| move |inner| -> Box<dyn Source> { Box::new(TornFrames { inner, factor }) };
     // A single frame cannot contradict another one, so that the probe merges it.
-    let wrong =
-        |factor| judged("all=0", 16_000, 50, Some(&[0.033_333]), MergeMode::Needed, torn(factor)).wrong;
+    let wrong = |factor| {
+        let camera = camera(16_000).expect("a camera");
+        let seconds = &[Some(&[0.033_333][..])];
+        let run = Run { faults: "all=0", camera, bursts: 50, seconds, merge: MergeMode::Needed };
+        run.judged(flux(), torn(factor)).wrong
+    };
     assert_eq!(wrong(1.0), 0, "bursts without a fault");
     // The lower half has about half of the light.
     assert_eq!([wrong(0.8), wrong(1.2)], [50, 50]);

@@ -34,7 +34,9 @@ pub enum Wave {
 }
 
 impl Wave {
-    fn hz(self) -> f64 {
+    /// Returns the frequency of the wave, hertz; 1 for steady light.
+    #[must_use]
+    pub fn hz(self) -> f64 {
         match self {
             Self::Steady => 1.0,
             Self::Sine { hz, .. } | Self::Rectified { hz } | Self::Phosphor { hz } | Self::Pwm { hz, .. } => {
