@@ -24,6 +24,16 @@ pub(super) fn measured<T>(rows: &[Option<T>; ROWS]) -> usize {
     rows.iter().flatten().count()
 }
 
+/// What counts as an unusual jump.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rule {
+    /// Whether enough earlier bursts are known.
+    pub is_known: bool,
+    /// Whether the frames are those of a sliding window: an object that moves changes some rows of the newest frame alone, so that a part of
+    /// a frame has at least [`PART_ROWS`] rows.
+    pub is_window: bool,
+}
+
 /// The usual change of rows from burst to burst.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Usual {
@@ -33,14 +43,14 @@ pub(super) struct Usual {
 }
 
 impl Usual {
-    /// Returns whether `changes` have an unusual jump, if `is_known` and enough rows are read; adds what is usual to the variance. `read` is
-    /// the number of rows that are measured or too dark in both bursts. A burst of fewer rows counts as one without a change: in dark light,
+    /// Returns whether `changes` have an unusual jump, if enough bursts are known and enough rows are read; adds what is usual to the variance.
+    /// `read` is the number of rows that are measured or too dark in both bursts. A burst of fewer rows counts as one without a change: in dark light,
     /// rows may be measured in false frames alone, which must not become usual.
     pub fn judge(
         &mut self,
         changes: &[Option<f32>; ROWS],
         read: usize,
-        is_known: bool,
+        Rule { is_known, is_window }: Rule,
     ) -> Option<Option<Jump>> {
         if read < ENOUGH_ROWS {
             self.jumps.add(false);
@@ -49,7 +59,7 @@ impl Usual {
         }
         let least = (JUMP.ln() / DEVIATIONS).powi(2);
         let threshold = DEVIATIONS * self.variance.max(least).sqrt();
-        let jump = Jump::find(changes, threshold).filter(|_| is_known);
+        let jump = Jump::find(changes, threshold, is_window).filter(|_| is_known);
         let is_usual = self.jumps.add(jump.is_some());
         let unusual = jump.filter(|_| !is_usual);
         if unusual.is_none() {
@@ -72,7 +82,7 @@ pub(super) struct Jump {
 }
 
 impl Jump {
-    fn find(changes: &[Option<f32>; ROWS], threshold: f32) -> Option<Self> {
+    fn find(changes: &[Option<f32>; ROWS], threshold: f32, is_window: bool) -> Option<Self> {
         let moved = |change: &f32| change.abs() > threshold;
         let rows = changes.map(|change| change.as_ref().is_some_and(moved));
         let count = rows.iter().filter(|moved| **moved).count();
@@ -84,9 +94,11 @@ impl Jump {
             edges += usize::from(last.is_some_and(|last| last != is_moved));
             last = Some(is_moved);
         }
-        let is_far = count >= PART_ROWS || jumps().any(|change| change.abs() > FAR_JUMP.ln());
-        let is_jump = count > 0 && is_one_way && edges <= 1 && is_far;
-        is_jump.then_some(Self { rows, is_whole: edges == 0 })
+        let is_whole = edges == 0;
+        let is_far = || jumps().any(|change| change.abs() > FAR_JUMP.ln());
+        let is_part = count >= PART_ROWS || (is_far() && (is_whole || !is_window));
+        let is_jump = count > 0 && is_one_way && edges <= 1 && is_part;
+        is_jump.then_some(Self { rows, is_whole })
     }
 
     /// Mean size of the changes of the rows that jump.

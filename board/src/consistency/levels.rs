@@ -7,7 +7,7 @@
 //! alone: if the change is of the kind of a false frame, the frame is doubtful until [`Recent`](super::recent::Recent) finds it repeated.
 
 use super::history::KNOWN;
-use super::jump::{ENOUGH_ROWS, JUMP, Usual, measured};
+use super::jump::{ENOUGH_ROWS, JUMP, Rule, Usual, measured};
 use super::samples::{ROWS, SATURATED, Sampled};
 use hemilux_core::MAX_EXPOSURES;
 use hemilux_core::wire::FrameFault;
@@ -44,6 +44,8 @@ pub(super) struct Seen<'a> {
     pub sampled: &'a [Sampled],
     /// Indices of the frames that are judged, ascending.
     pub kept: &'a [usize],
+    /// Whether the frames are those of a sliding window, taken one after the other.
+    pub is_window: bool,
 }
 
 /// Samples of the frames of the burst before, and the usual changes of rows.
@@ -126,12 +128,16 @@ impl Levels {
         judged
     }
 
+    fn rule(&self, seen: &Seen<'_>) -> Rule {
+        Rule { is_known: self.bursts > KNOWN, is_window: seen.is_window }
+    }
+
     /// Judges the frame `index` by its own change since the burst before.
     fn judge_alone(&mut self, seen: &Seen<'_>, index: usize) -> Judgement {
         let rows = self.alone(self.known(seen, index));
         let changes = rows.map(|row| row.filter(|change| !change.is_dark()).map(Change::least));
         let is_dark = measured(&changes) < ENOUGH_ROWS;
-        match self.own[index].judge(&changes, measured(&rows), self.bursts > KNOWN) {
+        match self.own[index].judge(&changes, measured(&rows), self.rule(seen)) {
             Some(Some(_)) => Judgement::Doubtful,
             _ if self.is_mislabelled(seen.lights, index) => Judgement::Doubtful,
             Some(None) if !is_dark => Judgement::Sound,
@@ -164,7 +170,7 @@ impl Levels {
         let rows = self.pair(pair.map(|index| self.known(seen, index)));
         let is_bright = |changes: &[Change; 2]| !changes.iter().any(|change| change.is_dark());
         let differences = rows.map(|row| row.filter(is_bright).map(|[short, long]| short.less(long)));
-        let found = self.apart[pair[0]].judge(&differences, measured(&rows), self.bursts > KNOWN);
+        let found = self.apart[pair[0]].judge(&differences, measured(&rows), self.rule(seen));
         let Some(found) = found else { return };
         let Some(jump) = found else {
             // The changes are those of the light only if both exposures are as before.

@@ -154,7 +154,8 @@ impl Inspector {
     /// is compared with the frame of its exposure one round before, so that steady motion changes all exposures by the same factor.
     fn store_replaced(&mut self, burst: &Burst) {
         if let Some(Waiting { lights, count, sound }) = self.waiting.take() {
-            let seen = Seen { lights: &lights[..count], sampled: &self.frames[..count], kept: &[] };
+            let sampled = &self.frames[..count];
+            let seen = Seen { lights: &lights[..count], sampled, kept: &[], is_window: true };
             self.levels.keep(&seen, |index| sound >> (index & 15) & 1 != 0 && burst.is_new(index));
         }
     }
@@ -171,7 +172,8 @@ impl Inspector {
     ) {
         let mut lights = [0.0; MAX_EXPOSURES];
         lights.iter_mut().zip(frames).for_each(|(light, frame)| *light = frame.light());
-        let seen = Seen { lights: &lights[..frames.len()], sampled: &self.frames[..frames.len()], kept };
+        let sampled = &self.frames[..frames.len()];
+        let seen = Seen { lights: &lights[..frames.len()], sampled, kept, is_window };
         let judged = self.levels.judge(&seen, |index| verdicts.agree(index, kept));
         let falsified = kept.iter().filter_map(|index| match judged[*index] {
             Judgement::False(fault) => Some((*index, fault)),

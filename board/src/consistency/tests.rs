@@ -268,6 +268,32 @@ fn light_that_grows_in_one_part_is_no_fault_in_a_sliding_window() {
     }
 }
 
+/// An object enters two of the sixteen rows between two frames; later, the lower half of a frame is of another exposure.
+#[test]
+fn in_a_sliding_window_an_object_at_the_edge_is_no_fault_and_a_tear_is_one() {
+    for index in [1, 2] {
+        let mut inspector = dark_inspector(&TIMES);
+        let mut burst = dark_burst(&TIMES, dim);
+        for frame in 0..24 {
+            let new = frame % TIMES.len();
+            let object = if frame >= 9 + index { 4.0 } else { 1.0 };
+            let is_torn = frame == 18 + index;
+            let scene = move |x: usize, y: usize| {
+                let part = if is_torn && y >= SIZE / 2 { 1.0 / 6.0 } else { 1.0 };
+                dim(x, y) * if y < SIZE / 8 { object } else { part }
+            };
+            burst.frames[new] = dark(TIMES[new], TIMES[new], scene);
+            burst.stale = !(1 << new);
+            let found = faults(&mut inspector, &burst);
+            if is_torn {
+                assert_eq!(found, [(index, FrameFault::Torn)], "frame {frame}");
+            } else if !(18..18 + index + TIMES.len()).contains(&frame) {
+                assert_eq!(found, [], "frame {frame}");
+            }
+        }
+    }
+}
+
 #[test]
 fn a_change_that_no_other_exposure_can_confirm_is_uncertain_for_two_bursts() {
     let times = [0.0001, 0.036];
