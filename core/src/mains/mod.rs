@@ -198,13 +198,16 @@ impl<B: Buffer<Cell>> Mains<B> {
     ///
     /// A map without significant modulation, and a map of another domain or order, is not changed.
     pub fn update<Q: Buffer<Quad>>(&mut self, map: &mut Pyramid<Q>, at: Option<f64>) -> Flicker {
-        if !self.fits(map) {
+        if !self.accepts(map) {
             return Flicker::default();
         }
         let cells = self.cells.as_mut();
         self.state.remember(map, at, cells);
         match self.state.follow(cells) {
-            Some(lock) => self.state.correct(map, &lock, cells),
+            Some(lock) => {
+                let fits = self.state.fits_at(&lock);
+                self.state.replace_levels(map, &lock, cells, |cell, in_region| fits.level(cell, in_region))
+            }
             None => Flicker::default(),
         }
     }
@@ -214,18 +217,24 @@ impl<B: Buffer<Cell>> Mains<B> {
     ///
     /// A change of a modulated lamp in such a burst is followed from the next burst of [`Mains::update`] on.
     pub fn update_apart<Q: Buffer<Quad>>(&mut self, map: &mut Pyramid<Q>) -> Flicker {
-        if !self.fits(map) {
+        if !self.accepts(map) {
             return Flicker::default();
         }
         self.state.apart = self.state.apart.saturating_add(1);
         match self.state.lock {
-            Some(lock) => self.state.repeat(map, &lock, self.cells.as_mut()),
+            Some(lock) => {
+                let fits = self.state.fits_at(&lock);
+                self.state.replace_levels(map, &lock, self.cells.as_mut(), |cell, in_region| {
+                    let mut copy = *cell;
+                    fits.level(&mut copy, in_region).filter(|level| level.is_modulated)
+                })
+            }
             None => Flicker::default(),
         }
     }
 
     /// Returns whether lamps are searched in maps of the domain and order of `map`.
-    fn fits<Q: Buffer<Quad>>(&self, map: &Pyramid<Q>) -> bool {
+    fn accepts<Q: Buffer<Quad>>(&self, map: &Pyramid<Q>) -> bool {
         let view = map.view();
         let is_other = view.domain() != Domain::Hemisphere || cell_order(view.order()) != self.state.order;
         self.state.lamps != Lamps::Off && !is_other
@@ -300,21 +309,6 @@ impl MainsState {
             None => frequency::find(&window, regions, self.lamps, self.has_times),
         };
         self.lock
-    }
-
-    /// Replaces the energy of each modulated cell by its mean.
-    fn correct<Q: Buffer<Quad>>(&self, map: &mut Pyramid<Q>, lock: &Lock, cells: &mut [Cell]) -> Flicker {
-        let fits = self.fits_at(lock);
-        self.replace_levels(map, lock, cells, |cell, in_region| fits.level(cell, in_region))
-    }
-
-    /// Replaces the energy of each modulated cell by its mean in the newest burst of the window.
-    fn repeat<Q: Buffer<Quad>>(&self, map: &mut Pyramid<Q>, lock: &Lock, cells: &mut [Cell]) -> Flicker {
-        let fits = self.fits_at(lock);
-        self.replace_levels(map, lock, cells, |cell, in_region| {
-            let mut copy = *cell;
-            fits.level(&mut copy, in_region).filter(|level| level.is_modulated)
-        })
     }
 
     fn fits_at(&self, lock: &Lock) -> Fits {
