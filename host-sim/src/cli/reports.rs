@@ -8,7 +8,7 @@ use hemilux_core::wire::STAGES;
 use std::path::PathBuf;
 
 /// Description of the scenarios of camera frames in the help of `stress`.
-const CAMERA_FRAMES: &str = "In the scenarios bursts-swinging, bursts-walker, sliding-swinging and sliding-walker, each frame of a simulated \
+const CAMERA_FRAMES: &str = "In the scenarios bursts-swinging, bursts-walker and bursts-clouds, and those with sliding- in place of bursts-, each frame of a simulated \
     camera has a score: that of the newest set (of the last whole burst, or of --window sliding) against the scene at the end of the frame's \
     exposure. The column lag is the number of camera frames by which the sets are late. host-sim/METRICS.md defines all figures.";
 

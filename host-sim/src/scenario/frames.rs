@@ -45,6 +45,15 @@ pub(super) fn walker(stage: &Stage, name: &'static str, window: WindowMode) -> S
     film(stage, window, |s| upper(&motion::with_figure(&lit, place(s)))).scenario(name, window)
 }
 
+/// Returns the scenario of the clouds of `clouds`, in front of a sun with the energy of sky and ground.
+pub(super) fn clouds(stage: &Stage, name: &'static str, window: WindowMode) -> Scenario {
+    let sky = upper(&stage.sky);
+    let sun = energy(&sky);
+    let filmed = film(stage, window, |s| upper(&motion::with_clouds(&sky, motion::CLOUD_SPEED * s, sun)));
+    let sources = vec![vec![motion::cloud_sun()]; filmed.truth.len()];
+    Scenario { sources, ..filmed.scenario(name, window) }
+}
+
 /// Maps of the camera frames of a scenario.
 struct Filmed {
     /// Time at which the exposure of each frame ends, seconds.

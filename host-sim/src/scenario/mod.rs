@@ -25,8 +25,10 @@
 //! | `bursts-steady` | bursts of two steady lamps, through lens, sensor and pipeline | - |
 //! | `bursts-100-bulb`, `bursts-120-bulb` | bursts of two lamps with a ripple of 20 %, at most 25 and 60 frames per second | all methods without a fit over time |
 //! | `bursts-100-led`, `bursts-120-led` | bursts of two lamps with rectified light, at most 30 frames per second | all methods without a fit over time |
+//! | `bursts-100-pwm`, `bursts-1k-pwm` | bursts of two lamps that are dark for half of each period, at most 30 frames per second | all methods: the fit over time finds rectangular waves seldom, and none of 1 kHz |
 //! | `bursts-swinging`, `sliding-swinging` | camera frames of the bulb of `swinging-bulb`; a set after every burst, or after every frame by the sliding window | - |
 //! | `bursts-walker`, `sliding-walker` | camera frames of the window and the figure of `walker`, with the same sets | - |
+//! | `bursts-clouds`, `sliding-clouds` | camera frames of the clouds of `clouds`, with the same sets | - |
 
 mod bursts;
 mod events;
@@ -45,7 +47,7 @@ use stage::Stage;
 use world::Wave;
 
 /// Names of all scenarios, in the order of reports.
-pub const NAMES: [&str; 26] = [
+pub const NAMES: [&str; 30] = [
     "switch",
     "swinging-bulb",
     "sun-shadow",
@@ -68,10 +70,14 @@ pub const NAMES: [&str; 26] = [
     "bursts-120-bulb",
     "bursts-100-led",
     "bursts-120-led",
+    "bursts-100-pwm",
+    "bursts-1k-pwm",
     "bursts-swinging",
     "sliding-swinging",
     "bursts-walker",
     "sliding-walker",
+    "bursts-clouds",
+    "sliding-clouds",
 ];
 
 /// Size, length, seed and background of a scenario's sequence.
@@ -194,10 +200,14 @@ pub fn make(name: &str, setting: &Setting) -> Option<Scenario> {
         "bursts-120-bulb" => bursts::mains(&stage, "bursts-120-bulb", ripple(120.0), 60.0),
         "bursts-100-led" => bursts::mains(&stage, "bursts-100-led", Wave::Rectified { hz: 100.0 }, 30.0),
         "bursts-120-led" => bursts::mains(&stage, "bursts-120-led", Wave::Rectified { hz: 120.0 }, 30.0),
+        "bursts-100-pwm" => bursts::mains(&stage, "bursts-100-pwm", pwm(100.0), 30.0),
+        "bursts-1k-pwm" => bursts::mains(&stage, "bursts-1k-pwm", pwm(1000.0), 30.0),
         "bursts-swinging" => frames::swinging_bulb(&stage, "bursts-swinging", WindowMode::Burst),
         "sliding-swinging" => frames::swinging_bulb(&stage, "sliding-swinging", WindowMode::Sliding),
         "bursts-walker" => frames::walker(&stage, "bursts-walker", WindowMode::Burst),
         "sliding-walker" => frames::walker(&stage, "sliding-walker", WindowMode::Sliding),
+        "bursts-clouds" => frames::clouds(&stage, "bursts-clouds", WindowMode::Burst),
+        "sliding-clouds" => frames::clouds(&stage, "sliding-clouds", WindowMode::Sliding),
         _ => return None,
     };
     Some(scenario)
@@ -206,4 +216,9 @@ pub fn make(name: &str, setting: &Setting) -> Option<Scenario> {
 /// Returns the waveform of an incandescent lamp.
 fn ripple(hz: f64) -> Wave {
     Wave::Sine { hz, depth: 0.2 }
+}
+
+/// Returns the waveform of an LED that is switched off for half of each period.
+fn pwm(hz: f64) -> Wave {
+    Wave::Pwm { hz, duty: 0.5 }
 }

@@ -12,6 +12,10 @@ use std::f64::consts::TAU;
 const LAMP_SHARE: f64 = 1.0;
 /// Ratio of the luminous energy of the sun to the energy of sky and ground, on a clear day at noon.
 const SUN_SHARE: f64 = 5.0;
+/// Speed of the clouds, radians in a second.
+pub(super) const CLOUD_SPEED: f64 = 0.9;
+/// Interval of the frames of `clouds`, seconds.
+const BURST_S: f64 = 0.1;
 
 /// Returns a scenario of `ground` and a lamp of `radius_deg` on a path; the lamp is the first source of every frame.
 fn moving(
@@ -70,18 +74,25 @@ pub(super) fn sun_shadow(stage: &Stage) -> Scenario {
 /// Returns the scenario `clouds`: clouds drift across the sky and a static sun, whose radiance they attenuate to 1/50.
 pub(super) fn clouds(stage: &Stage) -> Scenario {
     let clear = SUN_SHARE * energy(&stage.sky);
-    let sun = LightSource { direction: at(45.0, 200.0), radius_deg: 1.5 };
-    let truth = stage.sequence(|t| {
-        let drift = 0.09 * t as f64;
-        let covered = repainted(&stage.sky, |d, rgb| {
-            let cover = cloud(d, drift) as f32;
-            // The radiance of a cloud is about three times the radiance of the blue sky.
-            rgb.map(|v| v * (1.0 - cover) + cover * 1.8)
-        });
-        let through = (1.0 - cloud(sun.direction, drift)).max(0.02);
-        with_disc(&covered, sun, DAYLIGHT, clear * through)
+    let truth = stage.sequence(|t| with_clouds(&stage.sky, CLOUD_SPEED * BURST_S * t as f64, clear));
+    Scenario { sources: vec![vec![cloud_sun()]; stage.frames()], ..Scenario::of("clouds", truth) }
+}
+
+/// Returns the sun of `clouds`.
+pub(super) fn cloud_sun() -> LightSource {
+    LightSource { direction: at(45.0, 200.0), radius_deg: 1.5 }
+}
+
+/// Returns `sky` with clouds that have drifted by `drift` radians, and a sun behind them whose luminous energy is `clear` where the sky is clear.
+pub(super) fn with_clouds(sky: &EnvMap, drift: f64, clear: f64) -> EnvMap {
+    let covered = repainted(sky, |d, rgb| {
+        let cover = cloud(d, drift) as f32;
+        // The radiance of a cloud is about three times the radiance of the blue sky.
+        rgb.map(|v| v * (1.0 - cover) + cover * 1.8)
     });
-    Scenario { sources: vec![vec![sun]; stage.frames()], ..Scenario::of("clouds", truth) }
+    let sun = cloud_sun();
+    let through = (1.0 - cloud(sun.direction, drift)).max(0.02);
+    with_disc(&covered, sun, DAYLIGHT, clear * through)
 }
 
 /// Half-sides of the window of `walker`, degrees.

@@ -121,7 +121,7 @@ fn committed() -> Vec<(String, String, usize, Vec<Option<f64>>)> {
     rows
 }
 
-/// README: error and tracking lag of the bulb and of the walker, with bursts and with the sliding window. The window has the smaller error, flicker
+/// README: error and tracking lag of the bulb, the walker and the clouds, with bursts and with the sliding window. The window has the smaller error, flicker
 /// and lag.
 #[test]
 fn readme_has_the_error_and_the_lag_of_moving_light_with_bursts_and_with_the_window() {
@@ -138,7 +138,7 @@ fn readme_has_the_error_and_the_lag_of_moving_light_with_bursts_and_with_the_win
         let (.., columns) = rows.iter().find(is_row).expect("a row");
         [ERROR, FLICKER, LAG].map(|column| columns[column].expect("a figure"))
     };
-    for light in ["swinging", "walker"] {
+    for light in ["swinging", "walker", "clouds"] {
         let [bursts, window] = ["bursts", "sliding"].map(|kind| figures(&format!("{kind}-{light}")));
         assert!((0..3).all(|k| window[k] < bursts[k]), "{light}: {window:?}, bursts {bursts:?}");
         for told in [
