@@ -25,7 +25,7 @@
 //! | `bursts-steady` | bursts of two steady lamps, through lens, sensor and pipeline | - |
 //! | `bursts-100-bulb`, `bursts-120-bulb` | bursts of two lamps with a ripple of 20 %, at most 25 and 60 frames per second | all methods without a fit over time |
 //! | `bursts-100-led`, `bursts-120-led` | bursts of two lamps with rectified light, at most 30 frames per second | all methods without a fit over time |
-//! | `bursts-100-pwm`, `bursts-1k-pwm` | bursts of two lamps that are dark for half of each period, at most 30 frames per second | all methods: the fit over time finds rectangular waves seldom, and none of 1 kHz |
+//! | `bursts-100-pwm`, `bursts-1k-pwm` | bursts of two lamps that are dark for half of each period, at most 30 frames per second | all methods without a fit over time; at 1 kHz, which the fit does not search, all methods |
 //! | `bursts-swinging`, `sliding-swinging` | camera frames of the bulb of `swinging-bulb`; a set after every burst, or after every frame by the sliding window | - |
 //! | `bursts-walker`, `sliding-walker` | camera frames of the window and the figure of `walker`, with the same sets | - |
 //! | `bursts-clouds`, `sliding-clouds` | camera frames of the clouds of `clouds`, with the same sets | - |

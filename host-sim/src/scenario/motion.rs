@@ -15,7 +15,7 @@ const SUN_SHARE: f64 = 5.0;
 /// Speed of the clouds, radians in a second.
 pub(super) const CLOUD_SPEED: f64 = 0.9;
 /// Interval of the frames of `clouds`, seconds.
-const BURST_S: f64 = 0.1;
+const CLOUD_FRAME_S: f64 = 0.1;
 
 /// Returns a scenario of `ground` and a lamp of `radius_deg` on a path; the lamp is the first source of every frame.
 fn moving(
@@ -74,7 +74,7 @@ pub(super) fn sun_shadow(stage: &Stage) -> Scenario {
 /// Returns the scenario `clouds`: clouds drift across the sky and a static sun, whose radiance they attenuate to 1/50.
 pub(super) fn clouds(stage: &Stage) -> Scenario {
     let clear = SUN_SHARE * energy(&stage.sky);
-    let truth = stage.sequence(|t| with_clouds(&stage.sky, CLOUD_SPEED * BURST_S * t as f64, clear));
+    let truth = stage.sequence(|t| with_clouds(&stage.sky, CLOUD_SPEED * CLOUD_FRAME_S * t as f64, clear));
     Scenario { sources: vec![vec![cloud_sun()]; stage.frames()], ..Scenario::of("clouds", truth) }
 }
 

@@ -121,10 +121,10 @@ fn committed() -> Vec<(String, String, usize, Vec<Option<f64>>)> {
     rows
 }
 
-/// README: error and tracking lag of the bulb, the walker and the clouds, with bursts and with the sliding window. The window has the smaller error, flicker
-/// and lag.
+/// README: errors and flicker under PWM lamps; errors and tracking lags of the bulb, the walker and the clouds, with bursts and with the sliding
+/// window, which has the smaller error, flicker and lag.
 #[test]
-fn readme_has_the_error_and_the_lag_of_moving_light_with_bursts_and_with_the_window() {
+fn readme_has_the_figures_of_pwm_lamps_and_of_moving_light() {
     const ERROR: usize = 0;
     const FLICKER: usize = 1;
     const LAG: usize = 11;
@@ -136,10 +136,16 @@ fn readme_has_the_error_and_the_lag_of_moving_light_with_bursts_and_with_the_win
             (s.as_str(), name.as_str(), *n) == (scenario, "adaptive", 64)
         };
         let (.., columns) = rows.iter().find(is_row).expect("a row");
-        [ERROR, FLICKER, LAG].map(|column| columns[column].expect("a figure"))
+        move |column: usize| columns[column].expect("a figure")
     };
+    for lamps in ["bursts-100-pwm", "bursts-1k-pwm"] {
+        let [error, flicker] = [ERROR, FLICKER].map(figures(lamps));
+        let told = format!("(`{lamps}`: {error:.1} % error and {flicker:.1} % flicker)");
+        assert!(readme.contains(&told), "expected in README.md: \"{told}\"");
+    }
     for light in ["swinging", "walker", "clouds"] {
-        let [bursts, window] = ["bursts", "sliding"].map(|kind| figures(&format!("{kind}-{light}")));
+        let [bursts, window] =
+            ["bursts", "sliding"].map(|kind| [ERROR, FLICKER, LAG].map(figures(&format!("{kind}-{light}"))));
         assert!((0..3).all(|k| window[k] < bursts[k]), "{light}: {window:?}, bursts {bursts:?}");
         for told in [
             format!("from {:.1} to {:.1} %", bursts[0], window[0]),
