@@ -27,6 +27,36 @@ pub fn return_free_pages() {
     };
 }
 
+/// Environment variable from which glibc reads options of the allocator at the start of a program.
+const TUNABLES: &str = "GLIBC_TUNABLES";
+
+/// Option with which glibc keeps no freed blocks for each thread. By default, a thread keeps up to seven blocks of each size up to 1 KB, 230 KB
+/// in all, and fills them in the course of hours. A program cannot set the option after its start: the systemd unit sets it for the service.
+const NO_THREAD_CACHES: &str = "glibc.malloc.tcache_count=0";
+
+/// Restarts the program with its arguments and without caches of threads, as the service runs; returns if it runs so already or with another
+/// allocator than glibc's.
+///
+/// # Errors
+/// [`std::io::Error`] if the program cannot be started again; it may go on with the caches.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+pub fn restart_without_thread_caches() -> std::io::Result<()> {
+    use std::os::unix::process::CommandExt;
+    let present = std::env::var(TUNABLES).unwrap_or_default();
+    if present.contains(NO_THREAD_CACHES) {
+        return Ok(());
+    }
+    let tunables = [present.as_str(), NO_THREAD_CACHES].join(":");
+    let mut again = std::process::Command::new(std::env::current_exe()?);
+    Err(again.args(std::env::args_os().skip(1)).env(TUNABLES, tunables.trim_matches(':')).exec())
+}
+
+/// Does nothing: the allocator is not glibc's.
+#[cfg(not(all(target_os = "linux", target_env = "gnu")))]
+pub fn restart_without_thread_caches() -> std::io::Result<()> {
+    Ok(())
+}
+
 #[cfg(all(test, target_os = "linux", target_env = "gnu"))]
 pub(crate) mod tests {
     use super::*;
@@ -59,6 +89,13 @@ pub(crate) mod tests {
         let status = std::fs::read_to_string("/proc/self/status").expect("a file of the kernel");
         let size = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).expect("the resident size");
         1024 * size.trim().trim_end_matches(" kB").parse::<usize>().expect("a number")
+    }
+
+    #[test]
+    fn the_service_runs_without_caches_of_threads() {
+        let unit = include_str!("../debian/hemilux.service");
+        let line = format!("Environment={TUNABLES}={NO_THREAD_CACHES}");
+        assert!(unit.lines().any(|found| found == line), "expected the line {line}");
     }
 
     #[test]

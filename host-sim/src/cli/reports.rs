@@ -113,6 +113,11 @@ pub(super) fn soak(args: &SoakArgs) -> Result<(), SimError> {
         let expected = "expected a number of hours above 0 and at most 8784";
         return Err(SimError::Usage(format!("--hours: found {}, {expected}", args.hours)));
     }
+    if let Err(error) = hemilux::allocator::restart_without_thread_caches() {
+        eprintln!(
+            "soak: found {error} at a restart without the allocator's caches of threads: the memory includes them"
+        );
+    }
     let hours = (args.hours * 3600.0) as u64 * soak::FRAMES_A_SECOND;
     let frames = args.frames.unwrap_or(hours).max(1);
     let report = soak::run(&soak::SoakJob { frames, faults: args.faults.clone(), replies: args.replies })?;
