@@ -14,6 +14,8 @@ use hemilux::source::{Fault, FaultCounts};
 use hemilux_core::color::luminance;
 use hemilux_core::wire::FramesLeftOut;
 use hemilux_core::{Extrapolation, SamplerKind};
+use std::collections::VecDeque;
+use std::fmt;
 use std::sync::Arc;
 
 /// Largest relative difference between the flux of a set and the flux of its burst; beyond it the set counts as wrong.
@@ -27,6 +29,9 @@ const LOST: f32 = 2e-3;
 
 /// Number of wrong sets that the report describes.
 const DESCRIBED: usize = 20;
+
+/// Number of bursts up to that of a wrong set that its description lists.
+const LISTED: usize = 8;
 
 /// Numbers of recovered and unrecovered faults of one kind.
 #[derive(Clone, Copy, Debug, Default)]
@@ -90,7 +95,31 @@ pub(super) struct SetJudge {
     pending: [u64; Fault::ALL.len()],
     /// Number of bursts since the last fault.
     since: u64,
+    /// The last bursts, oldest first.
+    recent: VecDeque<JudgedBurst>,
     outcome: Outcome,
+}
+
+/// A burst in the description of a wrong set.
+struct JudgedBurst {
+    /// Name of the kind of the fault of the burst; empty if it has none.
+    fault: &'static str,
+    /// Exposure times of the source after the burst, seconds.
+    seconds: Vec<f64>,
+    /// Frames that the set of the burst lacks; `None` for a burst without a set.
+    left_out: Option<FramesLeftOut>,
+}
+
+impl fmt::Display for JudgedBurst {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {:?} s", if self.fault.is_empty() { "sound" } else { self.fault }, self.seconds)?;
+        match &self.left_out {
+            None => f.write_str(" without a set"),
+            Some(frames) => {
+                frames.iter().try_for_each(|frame| write!(f, " -{} {}", frame.index, frame.fault.name()))
+            }
+        }
+    }
 }
 
 impl SetJudge {
@@ -102,9 +131,10 @@ impl SetJudge {
             counts: Arc::clone(counts),
             merged: 0.0,
             lamps: LampWatch::default(),
-            last: "no fault",
+            last: "",
             pending: [0; Fault::ALL.len()],
             since: 0,
+            recent: VecDeque::with_capacity(LISTED),
             outcome: Outcome::default(),
         }
     }
@@ -121,8 +151,9 @@ impl SetJudge {
     fn wrong(&mut self, frame: u64, what: &str) {
         self.outcome.wrong += 1;
         if self.outcome.words.len() < DESCRIBED {
-            let (last, since, light) = (self.last, self.since, self.newest.light());
-            let line = format!("frame {frame}: {what}; {light:?}, {since} bursts after {last}");
+            let (light, bursts) = (self.newest.light(), self.recent.iter().map(ToString::to_string));
+            let bursts = bursts.collect::<Vec<_>>().join(", ");
+            let line = format!("frame {frame}: {what}; {light:?}; last bursts: {bursts}");
             eprintln!("soak: wrong: {line}");
             self.outcome.words.push(line);
         }
@@ -132,6 +163,14 @@ impl SetJudge {
     pub fn judge_burst(&mut self, link: &Link, is_ok: bool) {
         self.count_faults();
         let latest = link.sets().latest().filter(|set| set.frame >= self.outcome.sets);
+        if self.recent.len() == LISTED {
+            self.recent.pop_front();
+        }
+        self.recent.push_back(JudgedBurst {
+            fault: if self.since == 0 { self.last } else { "" },
+            seconds: link.settings().exposures().seconds,
+            left_out: latest.as_ref().map(|set| set.frames_left_out),
+        });
         let is_whole = latest.as_ref().is_some_and(|set| self.judge_set(link, set));
         self.outcome.failed += u64::from(!is_ok);
         if self.since > 0 && is_whole {
