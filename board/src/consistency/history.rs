@@ -54,6 +54,15 @@ impl Contradictions {
     }
 }
 
+/// Contradiction of two frames.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Contradiction {
+    None,
+    /// The frames contradict each other as in many earlier bursts, for example because lamps flicker.
+    Usual,
+    Unusual(FrameFault),
+}
+
 /// Running means of the comparisons of one pair of exposures.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct History {
@@ -82,26 +91,32 @@ impl History {
         }
     }
 
-    /// Returns the contradiction of the comparison `seen` if it is an unusual one; otherwise adds the comparison to the running means.
-    pub fn judge(&mut self, seen: &Comparison) -> Option<FrameFault> {
+    /// Returns the contradiction of the comparison `seen`; adds the comparison to the running means unless the contradiction is an unusual one.
+    pub fn judge(&mut self, seen: &Comparison) -> Contradiction {
         let Some(log_ratio) = seen.log_ratio else {
+            // A pair may be comparable for hours only in bursts with a fault, sometimes in two successive ones.
+            self.contradictions.add(false);
             (self.compared, self.is_comparable) = (0, false);
-            return None;
+            return Contradiction::None;
         };
         let fault = self.fault(seen, log_ratio);
-        // In dark light, a pair may be comparable only in bursts with a fault, which are no evidence of usual contradictions.
+        // A burst after one in which the pair could not be compared may be comparable because of a fault: no evidence of usual contradictions.
         let is_evidence = std::mem::replace(&mut self.is_comparable, true);
         let contradictions = &mut self.contradictions;
         let is_usual =
             if is_evidence { contradictions.add(fault.is_some()) } else { contradictions.are_usual() };
-        let unusual = fault.filter(|_| !is_usual);
-        if unusual.is_none() && seen.level_faults() == [None; 2] {
+        let found = match fault {
+            None => Contradiction::None,
+            Some(_) if is_usual => Contradiction::Usual,
+            Some(fault) => Contradiction::Unusual(fault),
+        };
+        if !matches!(found, Contradiction::Unusual(_)) && seen.level_faults() == [None; 2] {
             self.compared = self.compared.saturating_add(1);
             if self.is_plausible(log_ratio) || self.compared >= KNOWN {
                 self.add(log_ratio, seen.away);
             }
         }
-        unusual
+        found
     }
 
     /// Returns true if `log_ratio`, which is no contradiction, is near the usual ratio or near the stated one. In dark light, a pair may be

@@ -13,6 +13,7 @@ mod recent;
 mod samples;
 #[cfg(test)]
 mod tests;
+mod verdicts;
 
 use crate::calibration::{Burst, Calibration, Frame};
 use crate::recorded::RecordedBurst;
@@ -23,10 +24,7 @@ use history::History;
 use levels::{Judgement, Levels, Seen};
 use recent::Recent;
 use samples::{Grid, Sampled};
-
-/// Largest number of pairs of frames of a burst that are compared: each frame with the frames of the next and of the second next longer
-/// exposure.
-const PAIRS: usize = 2 * MAX_EXPOSURES;
+use verdicts::{Pair, Verdicts, Wrong, verdict, worst};
 
 /// Detects contradicting frames in successive bursts of one camera.
 #[derive(Debug)]
@@ -54,21 +52,6 @@ struct Waiting {
     count: usize,
     /// One bit for each frame, set if it is sound.
     sound: u16,
-}
-
-/// Indices of a frame and of the frame with which it is compared, in ascending order of exposure.
-#[derive(Clone, Copy)]
-struct Pair {
-    of: usize,
-    by: usize,
-}
-
-impl Pair {
-    /// Returns the index of the pair in [`Verdicts`]; `None` for frames that are not compared.
-    fn index(self) -> Option<usize> {
-        let (low, high) = (self.of.min(self.by), self.of.max(self.by));
-        (1..=2).contains(&(high - low)).then(|| 2 * low + high - low - 1).filter(|i| *i < PAIRS)
-    }
 }
 
 impl Inspector {
@@ -199,7 +182,7 @@ impl Inspector {
         let is_doubtful = |index: usize| !is_repeated && judged[index] == Judgement::Doubtful;
         self.is_uncertain |= rest.iter().any(|index| is_doubtful(*index));
         let is_unconfirmed =
-            |index: &usize| judged[*index] == Judgement::Unknown && !verdicts.agree(*index, rest);
+            |index: &usize| judged[*index] == Judgement::Unknown && !verdicts.are_usual(*index, rest);
         self.is_uncertain |= !left_out.is_empty() && rest.iter().any(is_unconfirmed);
         let is_sound = |index: usize| rest.contains(&index) && !is_doubtful(index);
         if is_window {
@@ -214,19 +197,16 @@ impl Inspector {
     /// Compares the frames of neighbouring exposures and adds the results to the history; if they do not all agree, also compares the
     /// frames two places apart.
     fn compare(&mut self, frames: &[Frame]) -> Verdicts {
-        let mut verdicts = Verdicts([[Verdict::Unknown; 2]; PAIRS]);
+        let mut verdicts = Verdicts::default();
         for apart in [1, 2] {
             for low in 0..frames.len().saturating_sub(apart) {
                 let pair = Pair { of: low, by: low + apart };
                 let seen = self.see(frames, pair);
                 let mut joined = self.history[low].joined(&self.history[low + 1]);
                 let history = if apart == 1 { &mut self.history[low] } else { &mut joined };
-                if let Some(index) = pair.index() {
-                    verdicts.0[index] = verdict(&seen, history);
-                }
+                verdicts.set(pair, verdict(&seen, history));
             }
-            let neighbours = verdicts.0.iter().step_by(2).take(frames.len() - 1);
-            if neighbours.flatten().all(|verdict| *verdict == Verdict::Agrees) {
+            if verdicts.are_all_usual(frames.len()) {
                 break;
             }
         }
@@ -239,103 +219,6 @@ impl Inspector {
         let Grid { least, code, .. } = self.grid;
         Comparison::new(compare::Pair { short, long, factor, least, code }, &mut self.scratch)
     }
-}
-
-/// Returns the verdicts of the comparison `seen` on its shorter and on its longer exposure.
-fn verdict(seen: &Comparison, history: &mut History) -> [Verdict; 2] {
-    // The history, to which this burst is added, does not confirm the burst itself.
-    let is_plausible = seen.log_ratio.map(|log_ratio| history.is_plausible(log_ratio));
-    let shared = match (history.judge(seen), is_plausible) {
-        (Some(fault), _) => Verdict::Differs(fault),
-        (None, Some(true)) => Verdict::Agrees,
-        (None, Some(false)) => Verdict::Doubtful,
-        (None, None) => Verdict::Unknown,
-    };
-    seen.level_faults().map(|fault| fault.map_or(shared, Verdict::Is))
-}
-
-/// Verdict on a frame from the comparison with another frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Verdict {
-    /// Too few samples of the two frames can be compared.
-    Unknown,
-    /// Too few earlier bursts are known to decide whether the ratio of the two frames is a fault.
-    Doubtful,
-    /// The two compared frames show the same light.
-    Agrees,
-    /// One of the two frames is wrong; the comparison does not show which.
-    Differs(FrameFault),
-    /// The compared frame itself is wrong.
-    Is(FrameFault),
-    /// The frame with which it is compared is wrong.
-    OtherIs,
-}
-
-/// Two verdicts for each pair: of the shorter exposure compared with the longer one, and of the longer compared with the shorter one.
-struct Verdicts([[Verdict; 2]; PAIRS]);
-
-impl Verdicts {
-    /// Returns true if the frames `short` and `long` contradict each other or their comparison is doubtful.
-    fn differ(&self, short: usize, long: usize) -> bool {
-        matches!(self.of(Pair { of: short, by: long }), Verdict::Differs(_) | Verdict::Doubtful)
-    }
-
-    /// Returns true if the frame `index` agrees with one of its neighbours in `kept`.
-    fn agree(&self, index: usize, kept: &[usize]) -> bool {
-        let with = |pair: &[usize]| self.of(Pair { of: pair[0], by: pair[1] }) == Verdict::Agrees;
-        kept.windows(2).any(|pair| pair.contains(&index) && with(pair))
-    }
-
-    fn of(&self, pair: Pair) -> Verdict {
-        let Some(index) = pair.index() else { return Verdict::Unknown };
-        let [low, high] = self.0[index];
-        let (this, other) = if pair.of < pair.by { (low, high) } else { (high, low) };
-        match (this, other) {
-            (Verdict::Is(fault), _) => Verdict::Is(fault),
-            (_, Verdict::Is(_)) => Verdict::OtherIs,
-            (this, _) => this,
-        }
-    }
-}
-
-/// A frame that contradicts the other remaining frames of its burst.
-struct Wrong {
-    /// Index of the frame in the list of the frames that remained before.
-    at: usize,
-    fault: FrameFault,
-    /// True if the other remaining frames agree with each other, so far as they can be compared.
-    is_certain: bool,
-}
-
-/// Returns a wrong frame of `kept`: its neighbours in exposure contradict it, and the other frames do not contradict each other.
-fn worst(kept: &[usize], verdicts: &Verdicts) -> Option<Wrong> {
-    let between = |of: usize, by: usize| verdicts.of(Pair { of: kept[of], by: kept[by] });
-    let last = kept.len().checked_sub(1)?;
-    let fault_at = |at: usize| {
-        let neighbours = || [at.checked_sub(1), Some(at + 1).filter(|i| *i <= last)].into_iter().flatten();
-        let seen = || neighbours().map(|by| between(at, by));
-        if seen().any(|verdict| matches!(verdict, Verdict::Agrees | Verdict::OtherIs)) {
-            return None;
-        }
-        if let Some(fault) = seen().find_map(|v| if let Verdict::Is(fault) = v { Some(fault) } else { None })
-        {
-            return Some(Wrong { at, fault, is_certain: true });
-        }
-        let fault = seen().find_map(|v| if let Verdict::Differs(fault) = v { Some(fault) } else { None })?;
-        // The comparison of the next frames on either side determines which of two frames is wrong.
-        let others = match (at.checked_sub(1), at < last) {
-            (Some(before), true) => Some((at + 1, before)),
-            (Some(before), false) => before.checked_sub(1).map(|other| (before, other)),
-            (None, true) => Some((at + 1, at + 2)).filter(|(_, other)| *other <= last),
-            (None, false) => None,
-        };
-        match others.map(|(of, by)| between(of, by)) {
-            Some(Verdict::Agrees) => Some(Wrong { at, fault, is_certain: true }),
-            Some(Verdict::Unknown | Verdict::Doubtful) => Some(Wrong { at, fault, is_certain: false }),
-            _ => None,
-        }
-    };
-    (0..=last).find_map(fault_at)
 }
 
 /// A frame that was left out of a recorded burst.

@@ -1,3 +1,4 @@
+use super::history::Contradiction;
 use super::*;
 use crate::calibration::Pixels;
 use hemilux_core::format::{Format, Pattern};
@@ -101,6 +102,28 @@ fn permanent_flicker_is_not_a_fault() {
         wrong += usize::from(burst >= 10 && !found.is_empty());
     }
     assert_eq!(wrong, 0, "bursts with frames left out");
+}
+
+#[test]
+fn a_wrong_label_makes_a_burst_uncertain_although_bands_of_flicker_are_usual() {
+    let mut inspector = Inspector::try_new(&calibration(Format::Rgb24), 2).expect("an inspector");
+    // In the shorter exposure, the lower rows are those of the dark phase of a lamp.
+    let lit = |burst: usize| {
+        let band = |x: usize, y: usize| radiance(x, y) * if y < 20 + 12 * (burst % 3) { 1.0 } else { 0.5 };
+        let frames = vec![frame(TIMES[1], TIMES[1], band), frame(TIMES[2], TIMES[2], radiance)];
+        Burst { frames, ..Burst::default() }
+    };
+    for burst in 0..60 {
+        let found = faults(&mut inspector, &lit(burst));
+        assert!(burst < 30 || (found.is_empty() && !inspector.is_uncertain()), "burst {burst}: {found:?}");
+    }
+    for index in [0, 1] {
+        let mut wrong = lit(60);
+        wrong.frames[index].exposure.seconds *= 4.0;
+        let found = faults(&mut inspector, &wrong);
+        assert!(inspector.is_uncertain(), "the label of frame {index}: {found:?}");
+        assert_eq!(faults(&mut inspector, &lit(61)), [], "after the label of frame {index}");
+    }
 }
 
 #[test]
@@ -379,11 +402,22 @@ fn contradictions_of_frames_that_seldom_can_be_compared_do_not_become_usual() {
         seen
     };
     for burst in 0..8 {
-        assert_eq!(history.judge(&seen(Some(0.0))), None, "sound burst {burst}");
+        assert_eq!(history.judge(&seen(Some(0.0))), Contradiction::None, "sound burst {burst}");
     }
     for burst in 0..100 {
-        assert_eq!(history.judge(&seen(None)), None, "dark burst {burst}");
+        assert_eq!(history.judge(&seen(None)), Contradiction::None, "dark burst {burst}");
         let fault = history.judge(&seen(Some(-4f32.ln())));
-        assert_eq!(fault, Some(FrameFault::WrongExposure), "false burst {burst}");
+        assert_eq!(fault, Contradiction::Unusual(FrameFault::WrongExposure), "false burst {burst}");
+    }
+    // Two successive false bursts in ten.
+    for burst in 0..100 {
+        for _ in 0..8 {
+            assert_eq!(history.judge(&seen(None)), Contradiction::None, "dark burst {burst}");
+        }
+        for second in [false, true] {
+            let fault = history.judge(&seen(Some(-4f32.ln())));
+            let expected = Contradiction::Unusual(FrameFault::WrongExposure);
+            assert_eq!(fault, expected, "false burst {burst}, second: {second}");
+        }
     }
 }
