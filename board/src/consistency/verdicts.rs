@@ -47,7 +47,7 @@ pub(super) enum Verdict {
     Doubtful,
     /// The two compared frames show the same light.
     Agrees,
-    /// The two frames differ as in many earlier bursts: they neither contradict nor confirm each other.
+    /// The two frames differ as in many earlier bursts. Neither is called wrong, but neither confirms an unexpected exposure of the other.
     DiffersAsUsual,
     /// One of the two frames is wrong; the comparison does not show which.
     Differs(FrameFault),
@@ -58,7 +58,7 @@ pub(super) enum Verdict {
 }
 
 impl Verdict {
-    /// Returns true for a comparison that does not differ from those of the earlier bursts.
+    /// Returns true if neither frame is called wrong or doubtful: they agree, or differ as in many earlier bursts.
     fn is_usual(self) -> bool {
         matches!(self, Self::Agrees | Self::DiffersAsUsual)
     }

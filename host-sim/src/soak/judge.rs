@@ -115,9 +115,9 @@ impl fmt::Display for JudgedBurst {
         write!(f, "{} {:?} s", if self.fault.is_empty() { "sound" } else { self.fault }, self.seconds)?;
         match &self.left_out {
             None => f.write_str(" without a set"),
-            Some(frames) => {
-                frames.iter().try_for_each(|frame| write!(f, " -{} {}", frame.index, frame.fault.name()))
-            }
+            Some(frames) => frames
+                .iter()
+                .try_for_each(|frame| write!(f, " without frame {} ({})", frame.index, frame.fault.name())),
         }
     }
 }
