@@ -56,6 +56,8 @@ pub(super) struct Comparison {
     pub away: f32,
     /// True if the ratio of radiances has one value in the upper rows and another value in the lower rows.
     pub is_torn: bool,
+    /// Natural logarithm of the largest factor between the mean ratios of the rows above and below some row; 0 if few samples differ.
+    pub parts: f32,
     /// True if nearly all samples of the two frames are equal although the exposures differ.
     pub is_copy: bool,
     /// For the shorter and the longer frame: true if all its samples are 0 although the other frame has light in enough of them.
@@ -164,7 +166,10 @@ impl Comparison {
         }
         let is_away = |r: &&f32| !(median / DIFFERENT..median * DIFFERENT).contains(*r);
         found.away = by_row.iter().filter(is_away).count() as f32 / by_row.len() as f32;
-        found.is_torn = found.away > TORN_SHARE && Medians::of(by_row, &ends).are_two_parts();
+        if found.away > TORN_SHARE {
+            let medians = Medians::of(by_row, &ends);
+            (found.is_torn, found.parts) = (medians.are_two_parts(), medians.parts());
+        }
         found
     }
 
@@ -246,6 +251,16 @@ impl Medians {
         medians
     }
 
+    /// Returns the largest difference between the means of the medians above and below a row.
+    fn parts(&self) -> f32 {
+        let rows = &self.rows[..self.count];
+        let differences = (1..rows.len()).map(|at| {
+            let (upper, lower) = rows.split_at(at);
+            (mean(upper) - mean(lower)).abs()
+        });
+        differences.fold(0.0, f32::max)
+    }
+
     /// Returns true if the medians have one value down to some row and another value below that row.
     fn are_two_parts(&self) -> bool {
         let rows = &self.rows[..self.count];
@@ -253,7 +268,6 @@ impl Medians {
             let most = part.iter().copied().fold(f32::MIN, f32::max);
             most - part.iter().copied().fold(f32::MAX, f32::min)
         };
-        let mean = |part: &[f32]| part.iter().sum::<f32>() / part.len() as f32;
         (1..rows.len()).any(|at| {
             let (upper, lower) = rows.split_at(at);
             let least = if upper.len().min(lower.len()) < TORN_ROWS { TORN_FAR } else { TORN.0 };
@@ -261,6 +275,10 @@ impl Medians {
             is_even && (mean(upper) - mean(lower)).abs() > least.ln()
         })
     }
+}
+
+fn mean(values: &[f32]) -> f32 {
+    values.iter().sum::<f32>() / values.len() as f32
 }
 
 fn median(ratios: &mut [f32]) -> Option<f32> {

@@ -70,6 +70,8 @@ pub(super) struct History {
     mean: f32,
     variance: f32,
     away: f32,
+    /// Running mean of the squares of [`Comparison::parts`].
+    parts: f32,
     contradictions: Contradictions,
     /// Number of bursts without an unusual contradiction since the last one in which the pair could not be compared.
     compared: u32,
@@ -85,6 +87,7 @@ impl History {
             mean: self.mean + other.mean,
             variance: self.variance + other.variance,
             away: self.away.max(other.away),
+            parts: self.parts.max(other.parts),
             contradictions: self.contradictions.larger(other.contradictions),
             compared: 0,
             is_comparable: false,
@@ -106,6 +109,8 @@ impl History {
         let is_usual =
             if is_evidence { contradictions.add(fault.is_some()) } else { contradictions.are_usual() };
         let found = match fault {
+            // Parts that differ as in many earlier bursts confirm neither frame.
+            None if seen.is_torn => Contradiction::Usual,
             None => Contradiction::None,
             Some(_) if is_usual => Contradiction::Usual,
             Some(fault) => Contradiction::Unusual(fault),
@@ -113,7 +118,7 @@ impl History {
         if !matches!(found, Contradiction::Unusual(_)) && seen.level_faults() == [None; 2] {
             self.compared = self.compared.saturating_add(1);
             if self.is_plausible(log_ratio) || self.compared >= KNOWN {
-                self.add(log_ratio, seen.away);
+                self.add(seen, log_ratio);
             }
         }
         found
@@ -130,7 +135,7 @@ impl History {
         let is_wrong = off > WRONG.ln().max(DEVIATIONS * self.variance.sqrt());
         if seen.is_copy {
             Some(FrameFault::Repeated)
-        } else if seen.is_torn {
+        } else if seen.is_torn && seen.parts > DEVIATIONS * self.parts.sqrt() {
             Some(FrameFault::Torn)
         } else if seen.away > MOVED + self.away {
             Some(FrameFault::OtherScene)
@@ -139,12 +144,13 @@ impl History {
         }
     }
 
-    fn add(&mut self, log_ratio: f32, away: f32) {
+    fn add(&mut self, seen: &Comparison, log_ratio: f32) {
         self.bursts = self.bursts.saturating_add(1);
         let new = NEW.max(1.0 / self.bursts as f32);
         let off = log_ratio - self.mean;
         self.mean += new * off;
         self.variance = (1.0 - new) * (self.variance + new * off * off);
-        self.away += new * (away - self.away);
+        self.away += new * (seen.away - self.away);
+        self.parts += new * (seen.parts * seen.parts - self.parts);
     }
 }

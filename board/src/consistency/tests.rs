@@ -104,6 +104,27 @@ fn permanent_flicker_is_not_a_fault() {
     assert_eq!(wrong, 0, "bursts with frames left out");
 }
 
+/// A lamp in the lower rows varies: in one of seven bursts by more than a tear of the least size, in most others by less.
+#[test]
+fn light_of_a_lamp_that_varies_in_a_part_of_the_rows_is_no_tear() {
+    let mut inspector = Inspector::try_new(&calibration(Format::Rgb24), 3).expect("an inspector");
+    let lit = |burst: usize| {
+        let level = [1.0, 1.45, 0.68, 1.0, 2.2, 0.68, 1.45][burst % 7];
+        let lamp = |x: usize, y: usize, level: f64| if y < 52 { radiance(x, y) } else { 30.0 * level };
+        let mut burst = sound();
+        burst.frames = TIMES.map(|t| frame(t, t, |x, y| lamp(x, y, 1.0))).to_vec();
+        burst.frames[0] = frame(TIMES[0], TIMES[0], |x, y| lamp(x, y, level));
+        burst
+    };
+    for burst in 0..60 {
+        let found = faults(&mut inspector, &lit(burst));
+        assert!(burst < 21 || found.is_empty(), "burst {burst}: {found:?}");
+    }
+    let mut torn = lit(63);
+    torn.frames[0] = frame(TIMES[0], TIMES[0], |x, y| radiance(x, y) * if y < 40 { 1.0 } else { 6.0 });
+    assert_eq!(faults(&mut inspector, &torn), [(0, FrameFault::Torn)]);
+}
+
 #[test]
 fn a_wrong_label_makes_a_burst_uncertain_although_bands_of_flicker_are_usual() {
     let mut inspector = Inspector::try_new(&calibration(Format::Rgb24), 2).expect("an inspector");
