@@ -1,6 +1,6 @@
 //! Flicker of lamps in maps of known light: the expected map holds the mean of the light.
 
-use hemilux_core::mains::{Cell, Flicker, Lamps, Mains, mains_len};
+use hemilux_core::mains::{Cell, Flicker, Lamps, Mains, best_rate, mains_len};
 use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
 use hemilux_core::{Domain, Order, healpix};
 use std::f64::consts::TAU;
@@ -64,6 +64,63 @@ fn a_sinusoid_is_replaced_by_its_mean_and_other_texels_are_unchanged() {
         }
         let neighbour = sequence.map.texels()[LAMP + 1].y();
         assert!((neighbour / STEADY - 1.0).abs() < 1e-4, "{hz} Hz: {neighbour}");
+    }
+}
+
+/// Returns the mean light, from `seconds` on for an exposure of 0.926 ms, of a lamp that is on in the fraction `duty` of each period.
+fn rectangle(hz: f64, duty: f64, seconds: f64) -> f64 {
+    let on = |turns: f64| turns.floor() + (turns - turns.floor()).min(duty) / duty;
+    let turns = hz * 0.926e-3;
+    FULL * (on(hz * seconds + turns) - on(hz * seconds)) / turns
+}
+
+#[test]
+fn edges_of_a_rectangular_wave_are_not_taken_for_switches() {
+    for (hz, rate_hz) in [(120.0, 58.3), (100.0, 29.1)] {
+        let mut sequence = Sequence::new(Lamps::Auto);
+        for burst in 0..120 {
+            let seconds = f64::from(burst) * 3.0 / rate_hz;
+            let (y, _) = sequence.burst(seconds, rectangle(hz, 0.7, seconds));
+            assert!(burst < 32 || (y / FULL - 1.0).abs() < 0.1, "{hz} Hz at {rate_hz}, burst {burst}: {y}");
+        }
+    }
+}
+
+/// A lamp of no frequency varies by 80 %.
+#[test]
+fn exposures_are_left_out_of_some_bursts_of_light_that_no_frequency_explains() {
+    let left_out = |level: fn(u32) -> f64| -> Vec<u32> {
+        let mut sequence = Sequence::new(Lamps::Auto);
+        let bursts = 0..200u32;
+        let is_left_out = |burst: &u32| {
+            let (_, found) = sequence.burst(f64::from(*burst) * 3.0 / 28.0, FULL * level(*burst));
+            assert_eq!(found, Flicker::default(), "burst {burst}");
+            assert!(sequence.mains.keeps(0.03), "burst {burst}");
+            !sequence.mains.keeps(0.0055)
+        };
+        bursts.filter(is_left_out).collect()
+    };
+    assert_eq!(left_out(|_| 1.0), []);
+    let found = left_out(|burst| if burst.wrapping_mul(2_654_435_761) >> 13 & 1 == 0 { 1.8 } else { 0.2 });
+    let begin = found.first().copied().expect("exposures are left out");
+    assert!(begin < 20, "{found:?}");
+    assert_eq!(found.iter().filter(|burst| **burst < begin + 100).count(), 16, "{found:?}");
+}
+
+#[test]
+fn phases_of_bursts_at_the_best_rate_leave_no_interval_over_a_seventh_of_the_period() {
+    for (most_hz, frames) in
+        [(60.0, 3), (50.0, 2), (30.0, 1), (30.0, 3), (30.0, 4), (28.0, 3), (25.0, 3), (20.0, 6)]
+    {
+        let rate = best_rate(most_hz, frames, Lamps::Auto);
+        for hz in [100.0, 120.0] {
+            let mut phases: Vec<_> =
+                (0..16).map(|burst| (f64::from(burst) * hz * frames as f64 / rate).fract()).collect();
+            phases.sort_by(f64::total_cmp);
+            phases.push(1.0 + phases[0]);
+            let longest = phases.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
+            assert!(longest < 0.145, "{hz} Hz, {frames} frames at {rate} per second: {longest}");
+        }
     }
 }
 

@@ -15,6 +15,10 @@ const STEP_SHARE: f32 = 0.05;
 /// Difference between a value and the modulation of the last fit, relative to the mean, above which that modulation is discarded.
 const OTHER_SHAPE: f32 = 0.2;
 
+/// Difference between a value and the modulation of the last fit, divided by the amplitude of the second and third harmonics together, up to which
+/// the value is no step: three harmonics differ so much from a rectangle at its edges.
+const AT_EDGES: f32 = 1.5;
+
 /// Least light of the last fit's modulation in a burst, relative to its mean, from which a mean is computed.
 const LEAST_LIGHT: f32 = 0.3;
 
@@ -125,7 +129,7 @@ impl Fits {
         let found = fit.estimate(&self.basis, &cell.past, newest);
         let (y, strength, depth) = (cell.past[newest], found.strength(), found.depth());
         let without_wave = (y - found.wave).max(0.0);
-        if found.is_step(STEP_DEVIATIONS, STEP_SHARE) {
+        if found.is_step(STEP_DEVIATIONS, STEP_SHARE) && !self.is_of_shape(cell) {
             cell.since = self.window.number().wrapping_sub(1);
             if self.is_reselected {
                 cell.shape = [0.0; SHAPE];
@@ -144,6 +148,15 @@ impl Fits {
         }
         cell.doubt(&found);
         in_region.then_some(Level { y: without_wave, depth, is_modulated: false })
+    }
+
+    /// Returns whether the newest value of `cell` is that of its stored modulation.
+    fn is_of_shape(&self, cell: &Cell) -> bool {
+        let newest = self.slots[0];
+        let off = cell.past[newest] - cell.level * self.light(cell, newest);
+        let [_, _, harmonics @ ..] = cell.shape;
+        let harmonics = libm::sqrtf(harmonics.iter().map(|a| a * a).sum());
+        off.abs() <= AT_EDGES * harmonics * cell.level
     }
 
     /// Returns the light of the stored modulation of `cell` in the burst at `slot`, relative to the mean of the modulation.

@@ -128,6 +128,7 @@ impl Fit {
             harmonics,
             wave: wave[newest % WINDOW],
             surprise: residual / left,
+            left,
             noise: (squares - residual * residual / left).max(0.0),
             squares,
             waves: dot(&wave, &wave),
@@ -148,6 +149,8 @@ pub(super) struct Estimate {
     pub wave: f32,
     /// Difference between the newest value and its prediction from the other values.
     pub surprise: f32,
+    /// Variance of the residuals divided by the variance of [`Estimate::surprise`].
+    left: f32,
     /// Sum of the squared residuals of all values but the newest.
     noise: f32,
     /// Sum of the squared residuals of all values.
@@ -166,12 +169,12 @@ impl Estimate {
         (self.waves / self.used) / (self.squares / self.freedom + floor)
     }
 
-    /// Returns whether the newest value differs from its prediction by more than `deviations` standard deviations of the residuals and by
+    /// Returns whether the newest value differs from its prediction by more than `deviations` standard deviations of such a difference and by
     /// more than the fraction `least` of the mean.
     pub fn is_step(&self, deviations: f32, least: f32) -> bool {
         let freedom = (self.freedom - 1.0).max(1.0);
         // The variance of few residuals is an underestimate.
-        let variance = self.noise / freedom * (1.0 + FEW / freedom);
+        let variance = self.noise / freedom * (1.0 + FEW / freedom) / self.left;
         let squared = self.surprise * self.surprise;
         squared > deviations * deviations * variance && squared > (least * self.mean) * (least * self.mean)
     }

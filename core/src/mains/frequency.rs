@@ -46,6 +46,9 @@ const LEAST_FUNDAMENTAL: f32 = 0.5;
 /// quarter on average; in eight steady bursts and a false one, seven eighths.
 const MOST_OF_ONE: f32 = 0.7;
 
+/// Fraction of the measured deviation by which the frequency is corrected in each burst: the deviation of a rectangular modulation is inexact.
+const DAMPING: f64 = 0.25;
+
 /// Number of bursts without varying light whose effect equals that of one burst that the frequency explains badly.
 const UNKNOWN: u32 = 8;
 
@@ -55,6 +58,9 @@ const LEAST_ADVANCE: f64 = 0.12;
 /// Least ratios of standard deviation to mean for which a frequency is searched: in one region, and in all regions together.
 const VARYING: f32 = 0.002;
 const VARYING_IN_ALL: f32 = 0.0005;
+
+/// Least ratio of standard deviation to mean of all regions together from which light without a known frequency varies widely.
+const VARYING_WIDELY: f32 = 0.03;
 
 /// The lamps whose frequency is searched.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -143,7 +149,7 @@ impl Lock {
             let (below, above) = (score(-1.0).unwrap_or(0.0), score(1.0).unwrap_or(0.0));
             let curvature = below + above - 2.0 * here;
             let offset = if curvature < -1e-6 { 0.5 * (below - above) / curvature } else { above - below };
-            let moved = self.frequency + self.step * f64::from(offset.clamp(-0.5, 0.5));
+            let moved = self.frequency + DAMPING * self.step * f64::from(offset.clamp(-0.5, 0.5));
             self.frequency = moved.clamp(self.range[0], self.range[1]);
         }
         (self.poor < UNKNOWN * WINDOW as u32).then_some(self)
@@ -258,14 +264,26 @@ fn varies(window: &Window, regions: &[Cell]) -> bool {
     if change <= VARYING_IN_ALL * sum {
         return false;
     }
-    let (mut all, mut varying) = (0.0, 0.0);
+    varying_share(window, regions) > VARYING_IN_ALL
+}
+
+/// Returns the ratio of standard deviation to mean over the regions that vary.
+fn varying_share(window: &Window, regions: &[Cell]) -> f32 {
+    let (mut all, mut varying) = (f32::MIN_POSITIVE, 0.0);
     for region in regions {
         let variation = Variation::of(region, window.count());
         let deviation = variation.deviation(window.count());
         all += variation.mean;
         varying += if deviation > VARYING * variation.mean { deviation } else { 0.0 };
     }
-    varying > VARYING_IN_ALL * all
+    varying / all
+}
+
+/// Returns whether the light varies widely over [`MANY`] bursts.
+pub(super) fn varies_widely(window: &Window, regions: &[Cell]) -> bool {
+    window.count() >= MANY
+        && window.number().is_multiple_of(SEARCH_EVERY)
+        && varying_share(window, regions) > VARYING_WIDELY
 }
 
 /// Returns the fraction of the variance of the regions that the fit `of` `frequency` explains, corrected for the degrees of freedom; `None`

@@ -5,6 +5,9 @@
 //! times of the last bursts, and the mean replaces the energy. The merge is linear and a burst's frames have fixed times relative to each
 //! other, so the fit applies to the merged map whichever exposures of a cell are valid.
 //!
+//! A lamp that is valid in several exposures at some phases and in one at others has a waveform that no frequency explains. If the light varies
+//! widely and no frequency is found, the next sixteen bursts are to be merged without such exposures ([`Mains::keeps`]).
+//!
 //! Cells without significant modulation are not changed. An abrupt change of a cell's energy restarts its fit; until the fit is determined,
 //! the values are divided by the modulation of the former fit.
 //!
@@ -35,17 +38,20 @@ mod cell;
 mod fit;
 mod frequency;
 mod rate;
+mod replace;
+mod search;
 mod window;
 
 use crate::buffer::{self, Buffer, TooSmall};
-use crate::color::luminance;
-use crate::healpix::{self, Domain, Order};
+use crate::healpix::{Domain, Order};
 use crate::pyramid::{Pyramid, Quad};
 pub use cell::Cell;
 use cell::{Fits, Level};
 pub use frequency::Lamps;
 use frequency::Lock;
 pub use rate::{best_rate, whole_periods};
+use replace::{CellIndex, replace};
+use search::Search;
 use window::{WINDOW, Window};
 
 /// Difference between the orders of a cell and of the region that contains it.
@@ -117,6 +123,7 @@ struct MainsState {
     /// The time that the caller stated for the last burst, seconds.
     stated: Option<f64>,
     lock: Option<Lock>,
+    search: Search,
     /// Number of the last burst before a change of the merged exposures by [`Mains::reselect`].
     reselected: Option<u32>,
     /// Number of bursts of [`Mains::update_apart`] since the newest burst of the window.
@@ -140,6 +147,7 @@ impl<B: Buffer<Cell>> Mains<B> {
                 has_times: true,
                 stated: None,
                 lock: None,
+                search: Search::default(),
                 reselected: None,
                 apart: 0,
             },
@@ -174,8 +182,11 @@ impl<B: Buffer<Cell>> Mains<B> {
 
     /// States that the next bursts are merged without exposures for which [`Mains::keeps`] has become false, or with them again. The modulation of a
     /// cell that was valid in these exposures changes, so that a cell whose energy changes abruptly is fitted again without its former
-    /// modulation; the fits of other cells are kept.
+    /// modulation; the fits of other cells are kept. Without a known frequency, the light of all earlier bursts is discarded.
     pub fn reselect(&mut self) {
+        if self.state.lock.is_none() {
+            return self.restart();
+        }
         self.state.reselected = Some(self.state.window.number());
     }
 
@@ -183,13 +194,15 @@ impl<B: Buffer<Cell>> Mains<B> {
     ///
     /// While a frequency is locked, exposures much shorter than its period, or between its multiples, are left out: a bright cell would be
     /// valid in them at some phases and clipped at others, so that the phase would affect the merged light by more than the lamp's modulation.
+    /// The same exposures are left out of some bursts if the light varies widely and no frequency explains it.
     #[must_use]
     pub fn keeps(&self, seconds: f64) -> bool {
-        self.state.lock.is_none_or(|lock| {
-            let known = [lock.frequency; 2];
-            let periods = if self.state.has_times { known } else { frequency::LAMPS_HZ };
-            periods.iter().all(|hz| frequency::response(hz * seconds) < MOST_RESPONSE)
-        })
+        let hz = match self.state.lock {
+            Some(lock) if self.state.has_times => [lock.frequency; 2],
+            None if !self.state.search.is_on() => return true,
+            _ => frequency::LAMPS_HZ,
+        };
+        hz.iter().all(|hz| frequency::response(hz * seconds) < MOST_RESPONSE)
     }
 
     /// Processes the map of the next burst and removes the modulation over the last bursts. `at` is the time of the burst's shortest exposure in
@@ -308,6 +321,8 @@ impl MainsState {
             }
             None => frequency::find(&window, regions, self.lamps, self.has_times),
         };
+        let is_found = self.lock.is_some();
+        self.search.advance(is_found, || frequency::varies_widely(&window, regions));
         self.lock
     }
 
@@ -360,36 +375,4 @@ impl Corrected {
             self.modulation += level.y * level.depth;
         }
     }
-}
-
-/// The index of a cell, and its order.
-#[derive(Clone, Copy)]
-struct CellIndex {
-    order: u8,
-    cell: u32,
-}
-
-/// Replaces the energy of the texels of a cell by `level`; the fraction of each texel in the cell's energy is unchanged.
-fn replace(texels: &mut [Quad], level: &Level, cell: &Cell, index: CellIndex) {
-    let found: f32 = texels.iter().map(Quad::y).sum();
-    let mean = luminance(cell.colour);
-    if found > 0.0 && (!level.is_modulated || mean <= 0.0) {
-        let factor = level.y / found;
-        texels.iter_mut().for_each(|quad| scale(quad, factor));
-    } else if mean > 0.0 {
-        let rgb = cell.colour.map(|v| v * level.y / mean);
-        let equal = 1.0 / texels.len().max(1) as f32;
-        let centre = healpix::centre(index.order, index.cell).as_vec3();
-        for quad in texels {
-            let (share, direction) =
-                if found > 0.0 { (quad.y() / found, quad.mean_direction()) } else { (equal, centre) };
-            *quad = Quad::from_light(rgb.map(|v| v * share), direction);
-        }
-    }
-}
-
-/// Multiplies energy and first moment of `quad` by `factor`.
-fn scale(quad: &mut Quad, factor: f32) {
-    quad.energy = quad.energy.map(|v| v * factor);
-    quad.moment = quad.moment.map(|v| v * factor);
 }

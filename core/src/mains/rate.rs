@@ -1,11 +1,17 @@
 //! Frame rates and exposure times for light from lamps on the mains.
 
+use super::fit::fraction;
 use super::frequency::Lamps;
+use super::window::WINDOW;
 
 /// Least distance of the phases of successive bursts, and of every second burst, periods. With this distance, a fit separates the mean from
 /// the modulation within a few bursts.
 const LEAST_ADVANCE: f64 = 0.14;
 const LEAST_OF_TWO: f64 = 0.14;
+
+/// Longest interval of the period without the phase of one of [`WINDOW`] successive bursts, periods. Longer intervals hide the edges of a rectangular
+/// modulation.
+const LONGEST_GAP: f64 = 1.0 / 7.0 + 1e-3;
 
 /// Step of the frame rates that are tried, frames per second, and ratio of the lowest rate to the highest.
 const STEP_HZ: f64 = 0.1;
@@ -15,7 +21,8 @@ const LOWEST: f64 = 0.85;
 /// bursts.
 ///
 /// At 30 frames per second, bursts of three frames record 100 Hz always at the same phase, which no fit can distinguish from steady light.
-/// Returns `most_hz` if no rate down to 85 % of it is better.
+/// If possible, the phases of sixteen bursts also leave no interval of more than a seventh of the period. Returns `most_hz` if no rate down to
+/// 85 % of it is better.
 ///
 /// ```
 /// use hemilux_core::mains::{Lamps, best_rate};
@@ -29,15 +36,31 @@ pub fn best_rate(most_hz: f64, frames: usize, lamps: Lamps) -> f64 {
     if !(most_hz > 0.0 && most_hz.is_finite()) || frames == 0 {
         return most_hz;
     }
-    let spreads = |rate: &f64| lamps.frequencies_hz().all(|hz| advances(hz * frames as f64 / rate));
     let steps = ((1.0 - LOWEST) * most_hz / STEP_HZ).min(1e4) as u32;
-    (0..=steps).map(|step| most_hz - STEP_HZ * f64::from(step)).find(spreads).unwrap_or(most_hz)
+    let of_all = |is_good: fn(f64) -> bool| {
+        let suits = |rate: &f64| lamps.frequencies_hz().all(|hz| is_good(hz * frames as f64 / rate));
+        (0..=steps).map(|step| most_hz - STEP_HZ * f64::from(step)).find(suits)
+    };
+    of_all(spreads).or_else(|| of_all(advances)).unwrap_or(most_hz)
+}
+
+/// Returns whether sixteen bursts at intervals of `periods` periods of a modulation record the modulation at phases that are spread over the period.
+fn spreads(periods: f64) -> bool {
+    advances(periods) && longest_gap(periods) <= LONGEST_GAP
 }
 
 /// Returns whether bursts at intervals of `periods` periods of a modulation record the modulation at different phases.
 fn advances(periods: f64) -> bool {
     let distance = |turns: f64| libm::fabs(turns - libm::round(turns));
     distance(periods) >= LEAST_ADVANCE && distance(2.0 * periods) >= LEAST_OF_TWO
+}
+
+/// Returns the longest interval of a period without the phase of one of [`WINDOW`] successive bursts at intervals of `periods` periods.
+fn longest_gap(periods: f64) -> f64 {
+    let mut phases: [f64; WINDOW] = core::array::from_fn(|burst| fraction(burst as f64 * periods));
+    phases.sort_unstable_by(f64::total_cmp);
+    let around = 1.0 - phases[WINDOW - 1] + phases[0];
+    phases.windows(2).map(|pair| pair[1] - pair[0]).fold(around, f64::max)
 }
 
 /// Returns the longest exposure time, at most `seconds` plus a hundredth of a period, that is a whole number of periods of `lamps`, so that

@@ -34,9 +34,9 @@ const BETWEEN_OUTAGES: u64 = 12_000;
 /// Duration of an outage, real time: longer than the age at which the server marks a set stale (1.5 s).
 const OUTAGE: Duration = Duration::from_secs(2);
 
-/// Simulated time from burst to burst, nanoseconds: three frames at 29.5 a second, the highest rate up to 30 at which bursts record lamps
+/// Simulated time from burst to burst, nanoseconds: three frames at 29.1 a second, the highest rate up to 30 at which bursts record lamps
 /// on the mains at different phases. At exactly ten bursts a second, the search for mains light would have nothing to find.
-const INTERVAL_NS: u64 = 101_694_915;
+const INTERVAL_NS: u64 = 103_092_784;
 
 /// Simulated time of the first burst, nanoseconds: later than the largest backward step of a fault of the clock.
 const FIRST_NS: u64 = 3_600_000_000_000;
