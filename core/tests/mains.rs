@@ -86,6 +86,24 @@ fn edges_of_a_rectangular_wave_are_not_taken_for_switches() {
     }
 }
 
+/// A steady lamp in the region of a flickering one is switched off and has no energy from then on.
+#[test]
+fn a_steady_lamp_that_is_switched_off_beside_a_flickering_one_is_dark_at_once() {
+    const OTHER: usize = LAMP - LAMP % 16;
+    let mut sequence = Sequence::new(Lamps::Auto);
+    for burst in 0..60 {
+        let seconds = f64::from(burst) * 3.0 / 28.0;
+        sequence.fill(lamp(100.0, seconds));
+        let level = if burst < 30 { 1.0 } else { 0.0 };
+        let towards = healpix::centre(ORDER, OTHER as u32).as_vec3();
+        sequence.map.texels_mut()[OTHER] = Quad::from_light([level; 3], towards);
+        sequence.map.build();
+        sequence.mains.update(&mut sequence.map, Some(seconds));
+        let y = sequence.map.texels()[OTHER].y();
+        assert!(burst < 20 || (y - level).abs() < 0.02, "burst {burst}: {y}");
+    }
+}
+
 /// A lamp of no frequency varies by 80 %.
 #[test]
 fn exposures_are_left_out_of_some_bursts_of_light_that_no_frequency_explains() {
@@ -121,6 +139,15 @@ fn phases_of_bursts_at_the_best_rate_leave_no_interval_over_a_seventh_of_the_per
             let longest = phases.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
             assert!(longest < 0.145, "{hz} Hz, {frames} frames at {rate} per second: {longest}");
         }
+    }
+}
+
+/// Below 10.5 frames per second, no rate spreads the phases of bursts of four frames at both frequencies.
+#[test]
+fn where_no_rate_spreads_the_phases_the_phases_of_successive_bursts_differ() {
+    let rate = best_rate(10.5, 4, Lamps::Auto);
+    for periods in [100.0, 120.0].map(|hz| hz * 4.0 / rate) {
+        assert!((periods - f64::round(periods)).abs() > 0.139, "{rate} per second: {periods} periods");
     }
 }
 

@@ -156,7 +156,7 @@ impl Fits {
         let off = cell.past[newest] - cell.level * self.light(cell, newest);
         let [_, _, harmonics @ ..] = cell.shape;
         let harmonics = libm::sqrtf(harmonics.iter().map(|a| a * a).sum());
-        off.abs() <= AT_EDGES * harmonics * cell.level
+        cell.has_shape() && off.abs() <= AT_EDGES * harmonics * cell.level
     }
 
     /// Returns the light of the stored modulation of `cell` in the burst at `slot`, relative to the mean of the modulation.

@@ -21,16 +21,14 @@ impl Search {
 
     /// Counts a burst. A search begins if `varies` returns true and no frequency is found, and ends once a frequency is found.
     pub fn advance(&mut self, is_found: bool, varies: impl FnOnce() -> bool) {
-        self.left = match self.left {
-            _ if is_found => 0,
-            0 => {
-                if varies() {
-                    BURSTS + PAUSE
-                } else {
-                    0
-                }
-            }
-            left => left - 1,
+        self.left = if is_found {
+            0
+        } else if self.left > 0 {
+            self.left - 1
+        } else if varies() {
+            BURSTS + PAUSE
+        } else {
+            0
         };
     }
 }
