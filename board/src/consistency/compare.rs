@@ -1,6 +1,6 @@
 //! Comparison of the samples of two frames of one burst, which have different exposures.
 
-use super::samples::{ROWS, SATURATED, Sampled};
+use super::samples::{ROWS, RowSet, SATURATED, Sampled};
 use hemilux_core::wire::FrameFault;
 
 /// Factor above or below the prediction from the other frame from which a sample contradicts the prediction.
@@ -20,7 +20,7 @@ const ENOUGH: usize = 16;
 /// Least number of samples for which [`Comparison::away`] is computed.
 const ENOUGH_FOR_SHARE: usize = 64;
 
-/// Least number of compared samples in a row of the grid for the row's median.
+/// Least number of compared samples in a row of the grid for the row's median, and of samples that confirm the row.
 const ENOUGH_IN_ROW: usize = 4;
 
 /// Least factor between the mean ratios of the two parts of a torn frame, and the factor whose square is the largest one between two rows
@@ -52,6 +52,8 @@ pub(super) struct Comparison {
     /// Natural logarithm of the median ratio of the frames' radiances, 0 if both exposures are as stated; `None` if too few samples can be
     /// compared.
     pub log_ratio: Option<f32>,
+    /// Rows in which enough samples have the median ratio.
+    pub rows: RowSet,
     /// Share of the samples whose ratio of radiances differs from the median by [`DIFFERENT`], 0 to 1.
     pub away: f32,
     /// True if the ratio of radiances has one value in the upper rows and another value in the lower rows.
@@ -161,10 +163,16 @@ impl Comparison {
         by_size.clone_from(by_row);
         let Some(median) = median(by_size).filter(|_| by_row.len() >= ENOUGH) else { return found };
         found.log_ratio = Some(median.ln());
+        let is_away = |r: &&f32| !(median / DIFFERENT..median * DIFFERENT).contains(*r);
+        let mut start = 0;
+        for (row, end) in found.rows.iter_mut().zip(&ends) {
+            let ratios = by_row.get(start..*end).unwrap_or_default();
+            *row = ratios.iter().filter(|r| !is_away(r)).count() >= ENOUGH_IN_ROW;
+            start = *end;
+        }
         if by_row.len() < ENOUGH_FOR_SHARE {
             return found;
         }
-        let is_away = |r: &&f32| !(median / DIFFERENT..median * DIFFERENT).contains(*r);
         found.away = by_row.iter().filter(is_away).count() as f32 / by_row.len() as f32;
         if found.away > TORN_SHARE {
             let medians = Medians::of(by_row, &ends);

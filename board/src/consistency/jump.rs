@@ -1,7 +1,7 @@
 //! Jumps of the light of rows: changes from burst to burst as false frames show them, against the usual changes.
 
 use super::history::{Contradictions, DEVIATIONS, NEW};
-use super::samples::{ROWS, SATURATED, Sampled};
+use super::samples::{ROWS, RowSet, SATURATED, Sampled};
 use hemilux_core::wire::FrameFault;
 
 /// Fewest rows that a judgement rests on.
@@ -15,6 +15,9 @@ const FAR_JUMP: f32 = 2.5;
 
 /// Fewest rows of a part of a frame that a moving object seldom fills.
 const PART_ROWS: usize = 3;
+
+/// Number of jumping rows that other exposures must confirm. A tear may cross one row.
+const CONFIRMED: usize = 2;
 
 /// Factor of the running variance up to which a burst counts: a false frame that is no jump does not hide the next one.
 const OUTLIER: f32 = 8.0;
@@ -77,7 +80,7 @@ impl Usual {
 /// Rows at the upper or at the lower edge, or all of them, that become darker, or brighter, at once.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Jump {
-    rows: [bool; ROWS],
+    rows: RowSet,
     is_whole: bool,
 }
 
@@ -99,6 +102,12 @@ impl Jump {
         let is_part = count >= PART_ROWS || (is_far() && (is_whole || !is_window));
         let is_jump = count > 0 && is_one_way && edges <= 1 && is_part;
         is_jump.then_some(Self { rows, is_whole })
+    }
+
+    /// Returns true if other exposures confirm the light of at least [`CONFIRMED`] of the rows that jump.
+    pub fn is_confirmed(&self, confirmed: &RowSet) -> bool {
+        self.rows.iter().zip(confirmed).filter(|(moved, confirmed)| **moved && **confirmed).count()
+            >= CONFIRMED
     }
 
     /// Mean size of the changes of the rows that jump.

@@ -2,17 +2,18 @@
 //! of the burst before.
 //!
 //! Where the scene changes, the sum of a row changes by one factor in all exposures; in a false frame, the sum changes by another factor
-//! than in the frame of the next exposure. Samples that [`Comparison`](super::compare::Comparison) judges are not part of the sums. A frame
-//! whose neighbours in exposure are too dark even for sums, or whose exposure no frame of the burst before has, is judged by its own change
-//! alone: if the change is of the kind of a false frame, the frame is doubtful until [`Recent`](super::recent::Recent) finds it repeated.
+//! than in the frame of the next exposure. Samples that [`Comparison`](super::compare::Comparison) judges are not part of the sums. Where no
+//! other exposure confirms the rows of a frame, because it is too dark there or no frame of the burst before has its exposure, the frame is
+//! judged by its own change alone, with all samples: if the change is of the kind of a false frame, the frame is doubtful until
+//! [`Recent`](super::recent::Recent) finds it repeated.
 
 use super::history::KNOWN;
-use super::jump::{ENOUGH_ROWS, JUMP, Rule, Usual, measured};
-use super::samples::{ROWS, SATURATED, Sampled};
+use super::jump::{ENOUGH_ROWS, JUMP, Jump, Rule, Usual, measured};
+use super::samples::{ROWS, RowSet, SATURATED, Sampled, unite};
 use hemilux_core::MAX_EXPOSURES;
 use hemilux_core::wire::FrameFault;
 
-/// Least number of dark samples of a row for a sum.
+/// Least number of samples of a row for a sum.
 const ENOUGH_IN_ROW: u16 = 16;
 
 /// Largest factor between the radiances of a row in two exposures if the row is measured in both: noise that is cut off at black adds to
@@ -51,7 +52,7 @@ pub(super) struct Seen<'a> {
 /// Samples of the frames of the burst before, and the usual changes of rows.
 #[derive(Debug)]
 pub(super) struct Levels {
-    /// Least mean relative exposure of the dark samples of a measured row, 0 to 1.
+    /// Least mean relative exposure of the summed samples of a measured row, 0 to 1.
     pub floor: f32,
     /// Relative exposure from which samples are compared one by one, 0 to 1.
     least: f32,
@@ -109,21 +110,34 @@ impl Levels {
         self.expected.extend(lights.take(MAX_EXPOSURES));
     }
 
-    /// Judges the frames of a burst; `agrees` returns true for the frames that a comparison of single samples confirms.
-    pub fn judge(&mut self, seen: &Seen<'_>, agrees: impl Fn(usize) -> bool) -> [Judgement; MAX_EXPOSURES] {
+    /// Judges the frames of a burst; `agreeing` returns the rows in which a comparison of single samples confirms a frame, `None` for a frame that
+    /// no comparison confirms.
+    pub fn judge(
+        &mut self,
+        seen: &Seen<'_>,
+        agreeing: impl Fn(usize) -> Option<RowSet>,
+    ) -> [Judgement; MAX_EXPOSURES] {
         let mut judged = [Judgement::Unknown; MAX_EXPOSURES];
         if self.before.is_empty() {
             return judged;
         }
         self.bursts = self.bursts.saturating_add(1);
+        let mut confirmed = [[false; ROWS]; MAX_EXPOSURES];
         for pair in seen.kept.windows(2) {
-            self.judge_pair(seen, [pair[0], pair[1]], &mut judged);
+            let pair = [pair[0], pair[1]];
+            let rows = self.judge_pair(seen, pair, &mut judged);
+            pair.into_iter().zip(rows).for_each(|(index, rows)| unite(&mut confirmed[index], &rows));
         }
         for index in seen.kept.iter().copied() {
-            let found = self.judge_alone(seen, index);
-            if judged[index] == Judgement::Unknown && !agrees(index) {
-                judged[index] = found;
-            }
+            let (found, jump) = self.judge_alone(seen, index);
+            let agreeing = agreeing(index);
+            unite(&mut confirmed[index], &agreeing.unwrap_or_default());
+            let is_doubtful = jump.is_some_and(|jump| !jump.is_confirmed(&confirmed[index]));
+            judged[index] = match judged[index] {
+                Judgement::Unknown if agreeing.is_none() => found,
+                Judgement::Unknown | Judgement::Sound if is_doubtful => Judgement::Doubtful,
+                judged => judged,
+            };
         }
         judged
     }
@@ -132,18 +146,20 @@ impl Levels {
         Rule { is_known: self.bursts > KNOWN, is_window: seen.is_window }
     }
 
-    /// Judges the frame `index` by its own change since the burst before.
-    fn judge_alone(&mut self, seen: &Seen<'_>, index: usize) -> Judgement {
+    /// Judges the frame `index` by its own change since the burst before; returns an unusual jump of its rows as well.
+    fn judge_alone(&mut self, seen: &Seen<'_>, index: usize) -> (Judgement, Option<Jump>) {
         let rows = self.alone(self.known(seen, index));
         let changes = rows.map(|row| row.filter(|change| !change.is_dark()).map(Change::least));
         let is_dark = measured(&changes) < ENOUGH_ROWS;
-        match self.own[index].judge(&changes, measured(&rows), self.rule(seen)) {
+        let found = self.own[index].judge(&changes, measured(&rows), self.rule(seen));
+        let judgement = match found {
             Some(Some(_)) => Judgement::Doubtful,
             _ if self.is_mislabelled(seen.lights, index) => Judgement::Doubtful,
             Some(None) if !is_dark => Judgement::Sound,
             Some(None) if !self.is_known(seen.lights[index]) => Judgement::Doubtful,
             _ => Judgement::Unknown,
-        }
+        };
+        (judgement, found.flatten())
     }
 
     /// Returns true if a frame of the burst before has the exposure `light`.
@@ -165,13 +181,23 @@ impl Levels {
         is_odd(&lights[index]) && lights.iter().filter(|light| is_odd(light)).count() == 1
     }
 
-    /// Compares the changes of two frames of neighbouring exposure and writes the judgements of both to `judged`.
-    fn judge_pair(&mut self, seen: &Seen<'_>, pair: [usize; 2], judged: &mut [Judgement; MAX_EXPOSURES]) {
-        let rows = self.pair(pair.map(|index| self.known(seen, index)));
+    /// Compares the changes of two frames of neighbouring exposure and writes the judgements of both to `judged`; returns, for each of them, the
+    /// rows whose changes the other one confirms.
+    fn judge_pair(
+        &mut self,
+        seen: &Seen<'_>,
+        pair: [usize; 2],
+        judged: &mut [Judgement; MAX_EXPOSURES],
+    ) -> [RowSet; 2] {
+        let rows = self.pair(pair.map(|index| self.known(seen, index)), seen.is_window);
         let is_bright = |changes: &[Change; 2]| !changes.iter().any(|change| change.is_dark());
         let differences = rows.map(|row| row.filter(is_bright).map(|[short, long]| short.less(long)));
         let found = self.apart[pair[0]].judge(&differences, measured(&rows), self.rule(seen));
-        let Some(found) = found else { return };
+        let confirmed = [
+            rows.map(|row| row.is_some_and(|[short, long]| short.is_confirmed_by(long))),
+            rows.map(|row| row.is_some_and(|[short, long]| long.is_confirmed_by(short))),
+        ];
+        let Some(found) = found else { return confirmed };
         let Some(jump) = found else {
             // The changes are those of the light only if both exposures are as before.
             let is_known = pair.iter().all(|index| self.is_known(seen.lights[*index]));
@@ -181,7 +207,7 @@ impl Levels {
                     judged[index] = Judgement::Sound;
                 }
             }
-            return;
+            return confirmed;
         };
         let sizes = [0, 1].map(|at| jump.size(&rows.map(|row| row.map(|changes| changes[at].log))));
         let ([index, other], size) =
@@ -191,6 +217,7 @@ impl Levels {
         if size > JUMP.ln() && !matches!(judged[other], Judgement::False(_)) {
             judged[other] = Judgement::Doubtful;
         }
+        confirmed
     }
 
     /// Stores the frames of a burst for the comparison with the next burst; for frames that are not sound or that the burst lacks, the
@@ -248,7 +275,9 @@ impl Levels {
     }
 
     /// Returns the changes of each row of a frame and of the frame of the next exposure; `None` for rows that are not measured in both.
-    fn pair(&self, [short, long]: [Known<'_>; 2]) -> [Option<[Change; 2]>; ROWS] {
+    fn pair(&self, [short, long]: [Known<'_>; 2], is_window: bool) -> [Option<[Change; 2]>; ROWS] {
+        // The light may change between the frames of a window.
+        let same = if is_window { JUMP } else { SAME };
         let factor = (short.lights[1] / long.lights[1]) as f32;
         let mut rows = [None; ROWS];
         let samples = short.rows().zip(long.rows());
@@ -263,7 +292,7 @@ impl Levels {
             }
             let radiance = |at: usize, known: &Known<'_>| sums[at].before / known.lights[1] as f32;
             let ratio = radiance(0, &short) / radiance(1, &long);
-            *found = (SAME.recip()..SAME).contains(&ratio).then_some(()).and_then(|()| {
+            *found = (same.recip()..same).contains(&ratio).then_some(()).and_then(|()| {
                 Some([sums[0].change(self.floor, &short)?, sums[1].change(self.floor, &long)?])
             });
         }
@@ -275,8 +304,8 @@ impl Levels {
         let mut rows = [None; ROWS];
         for (found, (now, before)) in rows.iter_mut().zip(known.rows()) {
             let mut sums = Sums::default();
-            let dark = now.iter().zip(before).filter(|(_, before)| **before < self.least);
-            dark.for_each(|(now, before)| sums.add(*now, *before));
+            let valid = now.iter().zip(before).filter(|(_, before)| **before <= 1.0);
+            valid.for_each(|(now, before)| sums.add(*now, *before));
             *found = sums.change(self.floor, &known);
         }
         rows
@@ -295,7 +324,7 @@ impl<'a> Known<'a> {
     }
 }
 
-/// Sums of the relative exposures of the dark samples of a row, in the present burst and in the burst before.
+/// Sums of the relative exposures of samples of a row, in the present burst and in the burst before.
 #[derive(Clone, Copy, Default)]
 struct Sums {
     now: f32,
@@ -339,6 +368,12 @@ impl Change {
     /// Returns true if the row is too dark for a measurement in both bursts.
     fn is_dark(self) -> bool {
         self.is_at_most && self.is_at_least
+    }
+
+    /// Returns true if the change differs by less than [`JUMP`] from the change that is certain in another exposure.
+    fn is_confirmed_by(self, other: Self) -> bool {
+        let certain = Self { log: other.least(), ..Self::NONE };
+        !other.is_dark() && self.less(certain).abs() < JUMP.ln()
     }
 
     /// Logarithm of the smallest change within the bounds.

@@ -143,7 +143,7 @@ impl Inspector {
         }
     }
 
-    /// Adds to `left_out` the frames of `kept` whose dark samples change as those of false frames, and determines whether the remaining
+    /// Adds to `left_out` the frames of `kept` whose rows change as those of false frames, and determines whether the remaining
     /// frames may be wrong.
     fn judge_levels(
         &mut self,
@@ -157,7 +157,7 @@ impl Inspector {
         lights.iter_mut().zip(frames).for_each(|(light, frame)| *light = frame.light());
         let sampled = &self.frames[..frames.len()];
         let seen = Seen { lights: &lights[..frames.len()], sampled, kept, is_window };
-        let judged = self.levels.judge(&seen, |index| verdicts.agree(index, kept));
+        let judged = self.levels.judge(&seen, |index| verdicts.agreeing_rows(index, kept));
         let falsified = kept.iter().filter_map(|index| match judged[*index] {
             Judgement::False(fault) => Some((*index, fault)),
             _ => None,
@@ -204,7 +204,7 @@ impl Inspector {
                 let seen = self.see(frames, pair);
                 let mut joined = self.history[low].joined(&self.history[low + 1]);
                 let history = if apart == 1 { &mut self.history[low] } else { &mut joined };
-                verdicts.set(pair, verdict(&seen, history));
+                verdicts.set(pair, verdict(&seen, history), seen.rows);
             }
             if verdicts.are_all_usual(frames.len()) {
                 break;

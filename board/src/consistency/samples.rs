@@ -10,6 +10,14 @@ use hemilux_core::{ResponseError, read_luma};
 /// Number of rows of the grid of compared pixels.
 pub(super) const ROWS: usize = 16;
 
+/// Rows of the grid with a property.
+pub(super) type RowSet = [bool; ROWS];
+
+/// Adds the rows of `other` to `rows`.
+pub(super) fn unite(rows: &mut RowSet, other: &RowSet) {
+    rows.iter_mut().zip(other).for_each(|(row, other)| *row |= other);
+}
+
 /// Largest number of pixels in a row of the grid of compared pixels.
 const COLUMNS: usize = 64;
 

@@ -284,6 +284,43 @@ fn a_burst_of_two_exposures_with_a_false_frame_is_uncertain() {
     }
 }
 
+/// Returns whether an inspector that has seen eight bursts of `scene` doubts a burst whose longer exposure has the samples of the shorter one in the
+/// lower rows.
+fn doubts_a_tear(calibration: &Calibration, take: impl Fn(f64, f64) -> Frame) -> bool {
+    let times = [0.000926, 0.033333];
+    let burst = || Burst { frames: times.map(|t| take(t, t)).to_vec(), ..Burst::default() };
+    let mut inspector = Inspector::try_new(calibration, 2).expect("an inspector");
+    for number in 0..8 {
+        assert!(inspector.inspect(&burst()).is_empty(), "sound burst {number}");
+        assert!(!inspector.is_uncertain(), "sound burst {number}");
+    }
+    let mut torn = burst();
+    let [short, long] = &mut torn.frames[..] else { unreachable!() };
+    match (&short.pixels, &mut long.pixels) {
+        (Pixels::U8(from), Pixels::U8(to)) => to[from.len() / 2..].copy_from_slice(&from[from.len() / 2..]),
+        (Pixels::U16(from), Pixels::U16(to)) => to[from.len() / 2..].copy_from_slice(&from[from.len() / 2..]),
+        _ => unreachable!(),
+    }
+    inspector.inspect(&torn);
+    inspector.is_uncertain()
+}
+
+/// The shorter exposure confirms the upper rows alone: by the sums of dark samples, or sample by sample.
+#[test]
+fn a_tear_below_the_rows_that_the_shorter_exposure_measures_makes_the_burst_uncertain() {
+    let mut sixteen = calibration(Format::Rgb48);
+    sixteen.levels = hemilux_core::Levels { black: 0.0, white: 65_535.0 };
+    for upper in [30.0, 1000.0, 3000.0] {
+        let scene = move |x: usize, y: usize| dim(x, y) * if y < 24 { upper } else { 1.0 };
+        assert!(doubts_a_tear(&sixteen, |stated, actual| dark(stated, actual, scene)), "16 bits, {upper}");
+    }
+    for lower in [0.5, 1.0, 2.0] {
+        let scene = move |_, y: usize| if y < 24 { 100.0 } else { lower };
+        let camera = calibration(Format::Rgb24);
+        assert!(doubts_a_tear(&camera, |stated, actual| frame(stated, actual, scene)), "8 bits, {lower}");
+    }
+}
+
 #[test]
 fn light_that_changes_in_all_exposures_of_a_dark_scene_is_no_fault() {
     let mut inspector = dark_inspector(&TIMES);

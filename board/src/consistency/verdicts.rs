@@ -2,6 +2,7 @@
 
 use super::compare::Comparison;
 use super::history::{Contradiction, History};
+use super::samples::{ROWS, RowSet, unite};
 use hemilux_core::MAX_EXPOSURES;
 use hemilux_core::wire::FrameFault;
 
@@ -64,26 +65,37 @@ impl Verdict {
     }
 }
 
-/// Two verdicts for each pair: of the shorter exposure compared with the longer one, and of the longer compared with the shorter one.
-pub(super) struct Verdicts([[Verdict; 2]; PAIRS]);
+/// Verdicts on the frames of a burst.
+pub(super) struct Verdicts {
+    /// Two verdicts for each pair: of the shorter exposure compared with the longer one, and of the longer compared with the shorter one.
+    pairs: [[Verdict; 2]; PAIRS],
+    /// The rows in which the frames of each pair have the same light.
+    rows: [RowSet; PAIRS],
+}
 
 impl Default for Verdicts {
     fn default() -> Self {
-        Self([[Verdict::Unknown; 2]; PAIRS])
+        Self { pairs: [[Verdict::Unknown; 2]; PAIRS], rows: [[false; ROWS]; PAIRS] }
     }
 }
 
 impl Verdicts {
-    /// Stores the verdicts on the shorter and on the longer frame of `pair`, in which `of` is the shorter one.
-    pub fn set(&mut self, pair: Pair, verdicts: [Verdict; 2]) {
+    /// Stores the verdicts on the shorter and on the longer frame of `pair`, in which `of` is the shorter one, and the rows in which the
+    /// frames have the same light.
+    pub fn set(&mut self, pair: Pair, verdicts: [Verdict; 2], rows: RowSet) {
         if let Some(index) = pair.index() {
-            self.0[index] = verdicts;
+            (self.pairs[index], self.rows[index]) = (verdicts, rows);
         }
     }
 
     /// Returns true if the comparisons of all neighbouring exposures of `frames` frames are usual ones.
     pub fn are_all_usual(&self, frames: usize) -> bool {
-        self.0.iter().step_by(2).take(frames.saturating_sub(1)).flatten().all(|verdict| verdict.is_usual())
+        self.pairs
+            .iter()
+            .step_by(2)
+            .take(frames.saturating_sub(1))
+            .flatten()
+            .all(|verdict| verdict.is_usual())
     }
 
     /// Returns true if the frames `short` and `long` contradict each other or their comparison is doubtful.
@@ -91,24 +103,26 @@ impl Verdicts {
         matches!(self.of(Pair { of: short, by: long }), Verdict::Differs(_) | Verdict::Doubtful)
     }
 
-    /// Returns true if the frame `index` agrees with one of its neighbours in `kept`.
-    pub fn agree(&self, index: usize, kept: &[usize]) -> bool {
-        self.any(index, kept, |verdict| verdict == Verdict::Agrees)
+    /// Returns the rows in which the frame `index` has the light of a neighbour in `kept` that agrees with it; `None` if no neighbour does.
+    pub fn agreeing_rows(&self, index: usize, kept: &[usize]) -> Option<RowSet> {
+        let pairs = kept.windows(2).filter(|pair| pair.contains(&index)).map(|p| Pair { of: p[0], by: p[1] });
+        let agreeing = pairs.filter(|pair| self.of(*pair) == Verdict::Agrees);
+        let rows = agreeing.filter_map(|pair| self.rows.get(pair.index()?));
+        rows.copied().reduce(|mut all, rows| {
+            unite(&mut all, &rows);
+            all
+        })
     }
 
     /// Returns true if the comparison of the frame `index` with one of its neighbours in `kept` is a usual one.
     pub fn are_usual(&self, index: usize, kept: &[usize]) -> bool {
-        self.any(index, kept, Verdict::is_usual)
-    }
-
-    fn any(&self, index: usize, kept: &[usize], holds: impl Fn(Verdict) -> bool) -> bool {
-        let with = |pair: &[usize]| holds(self.of(Pair { of: pair[0], by: pair[1] }));
-        kept.windows(2).any(|pair| pair.contains(&index) && with(pair))
+        let is_usual = |pair: &[usize]| self.of(Pair { of: pair[0], by: pair[1] }).is_usual();
+        kept.windows(2).any(|pair| pair.contains(&index) && is_usual(pair))
     }
 
     fn of(&self, pair: Pair) -> Verdict {
         let Some(index) = pair.index() else { return Verdict::Unknown };
-        let [low, high] = self.0[index];
+        let [low, high] = self.pairs[index];
         let (this, other) = if pair.of < pair.by { (low, high) } else { (high, low) };
         match (this, other) {
             (Verdict::Is(fault), _) => Verdict::Is(fault),

@@ -116,6 +116,12 @@ impl DayCamera {
         })
     }
 
+    /// Returns the camera as after `bursts` bursts.
+    #[cfg(test)]
+    pub fn starting_at(self, bursts: u64) -> Self {
+        Self { bursts, ..self }
+    }
+
     /// Returns the camera without lamps.
     pub fn without_lamps(self) -> Self {
         Self { lit: None, ..self }

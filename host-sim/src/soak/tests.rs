@@ -121,6 +121,19 @@ fn neither_faults_nor_other_exposures_make_a_wrong_set_under_lamps() {
     assert!(200 * off_mean <= found, "{off_mean} of {found} sets differ from the mean light of the lamps");
 }
 
+/// In the evening, the shorter exposure measures the bulb and some rows alone, so that it does not confirm the other rows of the longer one.
+#[test]
+fn no_torn_frame_of_two_exposures_makes_a_wrong_set_in_the_evening() {
+    let camera = camera(864_000).expect("a camera").starting_at(45_000);
+    let faults = "torn=0.03,sound=8,seed=0";
+    let run = Run { faults, camera, bursts: 2_500, seconds: &[TWO], merge: MergeMode::Needed };
+    let outcome = run.judged(flux(), |camera| camera);
+    let torn: u64 = outcome.faults.iter().map(|fault| fault.seen).sum();
+    assert!(torn > 60, "{torn} torn frames");
+    assert_eq!(outcome.wrong, 0, "{:#?}", outcome.words);
+    assert!(outcome.left_out <= torn, "frames of {} bursts left out, {torn} torn", outcome.left_out);
+}
+
 #[test]
 fn sets_of_other_lamps_are_wrong() {
     let wrong = |factor: f64| {
