@@ -171,25 +171,28 @@ export async function traffic(browser, url) {
   page.on("console", message => { if (message.type() === "error") errors.push(message.text()); });
   page.on("pageerror", error => errors.push(error.message));
   const wire = await context.newCDPSession(page);
-  // Repeated requests count once for the first view, however long a busy machine takes; a stream counts by its first set.
+  // Repeated requests count once for the first view, and the stream of sets counts as one set, however long a busy machine takes.
   let bytes = 0;
   const paths = new Map(), seen = new Map();
-  const count = (id, length) => {
+  const count = (id, length, text = 0) => {
     bytes += length;
-    const path = paths.get(id), known = seen.get(path) ?? { id, length: 0, parts: 0 };
-    if (known.id === id && (path !== "/v1/events" || known.parts < 4)) Object.assign(known, { length: known.length + length, parts: known.parts + 1 });
+    const path = paths.get(id), known = seen.get(path) ?? { id, length: 0, text: 0 };
+    if (known.id === id) Object.assign(known, { length: known.length + length, text: known.text + text });
     seen.set(path, known);
   };
   await wire.send("Network.enable");
   wire.on("Network.requestWillBeSent", ({ requestId, request }) => paths.set(requestId, new URL(request.url).pathname));
-  wire.on("Network.dataReceived", ({ requestId, encodedDataLength }) => count(requestId, encodedDataLength));
+  wire.on("Network.dataReceived", ({ requestId, encodedDataLength, dataLength }) => count(requestId, encodedDataLength, dataLength));
   wire.on("Network.responseReceived", ({ requestId, response }) => count(requestId, response.encodedDataLength));
   const began = Date.now();
   await page.goto(url);
   await state(page, "live");
   await page.waitForSelector("#burst figure:nth-child(3) img");
   await until("the scene", () => page.evaluate(() => document.querySelector("#scene-canvas").dataset.quality));
-  const first = [...seen.values()].reduce((sum, { length }) => sum + length, 0), took = Date.now() - began;
+  const took = Date.now() - began, view = [...seen].map(([path, sizes]) => [path, { ...sizes }]);
+  const set = JSON.stringify(await json(page, "/v1/lights")).length;
+  const once = ([path, { length, text }]) => path === "/v1/events" && text > set ? length * set / text : length;
+  const first = view.reduce((sum, entry) => sum + once(entry), 0);
   await page.waitForTimeout(2000);
   const from = bytes, since = Date.now();
   await page.waitForTimeout(10_000);
