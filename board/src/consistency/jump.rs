@@ -19,8 +19,13 @@ const PART_ROWS: usize = 3;
 /// Number of jumping rows that other exposures must confirm. A tear may cross one row.
 const CONFIRMED: usize = 2;
 
-/// Factor of the running variance up to which a burst counts: a false frame that is no jump does not hide the next one.
+/// Factor of a row's running variance up to which a burst counts: a false frame that is no jump does not hide the next one.
 const OUTLIER: f32 = 8.0;
+
+/// Returns the greater one of the two middle values.
+fn median(mut values: [f32; ROWS]) -> f32 {
+    *values.select_nth_unstable_by(ROWS / 2, f32::total_cmp).1
+}
 
 /// Returns the number of rows with a value.
 pub(super) fn measured<T>(rows: &[Option<T>; ROWS]) -> usize {
@@ -41,12 +46,13 @@ pub(super) struct Rule {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Usual {
     bursts: u32,
-    variance: f32,
+    /// Running variance of the change of each row: a lamp that flickers in one row does not hide a false frame in the others.
+    variances: [f32; ROWS],
     jumps: Contradictions,
 }
 
 impl Usual {
-    /// Returns whether `changes` have an unusual jump, if enough bursts are known and enough rows are read; adds what is usual to the variance.
+    /// Returns whether `changes` have an unusual jump, if enough bursts are known and enough rows are read; adds what is usual to the variances.
     /// `read` is the number of rows that are measured or too dark in both bursts. A burst of fewer rows counts as one without a change: in dark light,
     /// rows may be measured in false frames alone, which must not become usual.
     pub fn judge(
@@ -57,21 +63,25 @@ impl Usual {
     ) -> Option<Option<Jump>> {
         if read < ENOUGH_ROWS {
             self.jumps.add(false);
-            self.variance -= NEW * self.variance;
+            self.variances.iter_mut().for_each(|variance| *variance -= NEW * *variance);
             return None;
         }
-        let least = (JUMP.ln() / DEVIATIONS).powi(2);
-        let threshold = DEVIATIONS * self.variance.max(least).sqrt();
-        let jump = Jump::find(changes, threshold, is_window).filter(|_| is_known);
+        // A row has at least the variance of most rows.
+        let least = median(self.variances).max((JUMP.ln() / DEVIATIONS).powi(2));
+        let usual = self.variances.map(|variance| variance.max(least));
+        let threshold = |variance: f32| DEVIATIONS * variance.sqrt();
+        let jump = Jump::find(changes, threshold(least), &usual.map(threshold), is_window);
+        let jump = jump.filter(|_| is_known);
         let is_usual = self.jumps.add(jump.is_some());
         let unusual = jump.filter(|_| !is_usual);
         if unusual.is_none() {
-            let squares = changes.iter().flatten().map(|change| change * change).sum::<f32>();
-            let square = squares / measured(changes).max(1) as f32;
-            let most = if is_known { OUTLIER * self.variance.max(least) } else { f32::MAX };
             self.bursts = self.bursts.saturating_add(1);
             let new = NEW.max(1.0 / self.bursts as f32);
-            self.variance += new * (square.min(most) - self.variance);
+            for ((variance, change), usual) in self.variances.iter_mut().zip(changes).zip(usual) {
+                let Some(change) = change else { continue };
+                let most = if is_known { OUTLIER * usual } else { f32::MAX };
+                *variance += new * ((change * change).min(most) - *variance);
+            }
         }
         is_known.then_some(unusual)
     }
@@ -85,15 +95,25 @@ pub(super) struct Jump {
 }
 
 impl Jump {
-    fn find(changes: &[Option<f32>; ROWS], threshold: f32, is_window: bool) -> Option<Self> {
-        let moved = |change: &f32| change.abs() > threshold;
-        let rows = changes.map(|change| change.as_ref().is_some_and(moved));
+    /// Finds the jump of `changes`. A row whose change is beyond its threshold in `own` jumps; a row whose change is up to `threshold` does not.
+    /// Rows between the two show neither.
+    fn find(
+        changes: &[Option<f32>; ROWS],
+        threshold: f32,
+        own: &[f32; ROWS],
+        is_window: bool,
+    ) -> Option<Self> {
+        let moved: [Option<bool>; ROWS] = core::array::from_fn(|row| {
+            let (size, own) = (changes[row]?.abs(), own[row]);
+            (size > own || size <= threshold).then_some(size > own)
+        });
+        let rows = moved.map(|moved| moved == Some(true));
         let count = rows.iter().filter(|moved| **moved).count();
-        let jumps = || changes.iter().flatten().filter(|change| moved(change));
-        let is_one_way = jumps().all(|change| *change > 0.0) || jumps().all(|change| *change < 0.0);
+        let jumps = || changes.iter().zip(rows).filter_map(|(change, moved)| change.filter(|_| moved));
+        let is_one_way = jumps().all(|change| change > 0.0) || jumps().all(|change| change < 0.0);
         let mut edges = 0;
         let mut last = None;
-        for is_moved in changes.iter().flatten().map(moved) {
+        for is_moved in moved.into_iter().flatten() {
             edges += usize::from(last.is_some_and(|last| last != is_moved));
             last = Some(is_moved);
         }
@@ -126,6 +146,51 @@ impl Jump {
             FrameFault::Saturated
         } else {
             FrameFault::WrongExposure
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RULE: Rule = Rule { is_known: true, is_window: false };
+
+    /// Returns changes of 0.01, and `size` from row `from` on.
+    fn torn(from: usize, size: f32) -> [Option<f32>; ROWS] {
+        core::array::from_fn(|row| Some(if row >= from { size } else { 0.01 }))
+    }
+
+    /// A lamp in row 6 flickers by factors up to 7, and most other rows are too dark for a measurement.
+    fn flickering() -> Usual {
+        let mut usual = Usual::default();
+        for burst in 0..64 {
+            let mut changes = [None; ROWS];
+            (changes[4], changes[15]) = (Some(0.01), Some(-0.01));
+            changes[6] = Some([-1.9, 1.7, 0.2, -0.1, 0.5, -0.4][burst % 6]);
+            usual.judge(&changes, ROWS, RULE);
+        }
+        usual
+    }
+
+    #[test]
+    fn a_lamp_that_flickers_in_one_row_does_not_hide_a_tear_of_the_others() {
+        // The row of the lamp is torn as well, or not; its own change may be that of its flicker.
+        for (from, lamp) in [(7, 0.3), (7, 1.8), (4, 1.8), (4, 3.4)] {
+            let mut changes = torn(from, 1.5);
+            changes[6] = Some(lamp);
+            let jump = flickering().judge(&changes, ROWS, RULE).flatten();
+            let rows = jump.map(|jump| jump.rows.map(u8::from).iter().sum::<u8>());
+            assert!(rows.is_some_and(|rows| rows >= 9), "from row {from}, lamp {lamp}: {rows:?} rows");
+        }
+    }
+
+    #[test]
+    fn flicker_that_is_usual_for_its_row_is_no_jump() {
+        for change in [-1.9, -0.5, 0.5, 1.9] {
+            let mut changes = torn(ROWS, 0.0);
+            changes[6] = Some(change);
+            assert!(flickering().judge(&changes, ROWS, RULE).flatten().is_none(), "{change}");
         }
     }
 }

@@ -134,6 +134,19 @@ fn no_torn_frame_of_two_exposures_makes_a_wrong_set_in_the_evening() {
     assert!(outcome.left_out <= torn, "frames of {} bursts left out, {torn} torn", outcome.left_out);
 }
 
+/// In the first seconds after the lamps are switched on at night, the bulb flickers in one row of the shortest exposure, and the other rows are dark.
+#[test]
+fn no_torn_frame_makes_a_wrong_set_after_lamps_are_switched_on() {
+    for seed in 48..56 {
+        let camera = camera(864_000).expect("a camera").starting_at(43_195);
+        let faults = format!("torn=0.05,sound=8,seed={seed}");
+        let run = Run { faults: &faults, camera, bursts: 60, seconds: &[None], merge: MergeMode::Needed };
+        let outcome = run.judged(flux(), |camera| camera);
+        assert!(outcome.lit > 50 && outcome.faults.iter().any(|fault| fault.seen > 0), "{outcome:?}");
+        assert_eq!(outcome.wrong, 0, "seed {seed}: {:#?}", outcome.words);
+    }
+}
+
 #[test]
 fn sets_of_other_lamps_are_wrong() {
     let wrong = |factor: f64| {
