@@ -33,37 +33,44 @@ for start, size, stage in sorted((int(a, 16) & ~1, int(b, 16), c) for a, b, c in
     print(f"{start:x} {start + size:x} {stage}")'
 } >"$work/table"
 
-count() { # CASE: one line, instructions per frame
+# count NAME: writes a line, instructions per frame of the case NAME, to $work/NAME.found, in which '/' is replaced by '_'
+count() {
+    local file=$work/${1//\//_}
     # The stack contents must not depend on the caller.
-    env -i COUNTS="$work/counts" qemu-arm -L /usr/arm-linux-gnueabihf -cpu cortex-a7 -plugin "$work/count.so,table=$work/table" \
+    env -i COUNTS="$file.counts" qemu-arm -L /usr/arm-linux-gnueabihf -cpu cortex-a7 -plugin "$work/count.so,table=$work/table" \
         "$sim" bench --case "$1" --frames 8 >/dev/null
     awk -v case="$1" '{ n[$1] = $2 } END {
-        if (n["frames"] != 8) { print "count.sh: found " n["frames"] " frames, expected 8" > "/dev/stderr"; exit 1 }
+        if (n["frames"] != 8) { print "count.sh: " case ": found " n["frames"] " frames, expected 8" > "/dev/stderr"; exit 1 }
         split("front pyramid sample other", names, " ")
         for (i = 1; i <= 4; i++) { per[i] = int(n[names[i]] / 8 + 0.5); total += per[i] }
         printf "%-32s %9d %9d %9d %9d %9d\n", case, per[1], per[2], per[3], per[4], total
-    }' "$work/counts"
+    }' "$file.counts" >"$file.found"
 }
+export -f count
+export work sim
+
+cases=$(awk '!/^#/ { print $1 }' "$baseline")
+# A case runs on one processor.
+xargs -P "$(nproc)" -I NAME bash -euc 'count NAME' <<<"$cases"
+found() { for c in $cases; do cat "$work/${c//\//_}.found"; done; }
 
 if [ "${2:-}" = --write ]; then
-    cases=$(awk '!/^#/ { print $1 }' "$baseline")
-    { grep '^#' "$baseline"; for c in $cases; do count "$c"; done; } >"$work/new"
+    { grep '^#' "$baseline"; found; } >"$work/new"
     cp "$work/new" "$baseline"
     cat "$baseline"
     exit
 fi
-failed=0
-while read -r case front pyramid sample other total; do
-    found=$(count "$case")
-    echo "$found"
-    # Compares each stage and the total; a stage of less than 10,000 instructions may differ by 300.
-    awk -v old="$front $pyramid $sample $other $total" -v new="$found" 'BEGIN {
-        split(old, a, " "); split(new, b, " "); split("front pyramid sample other total", names, " ")
-        for (i = 1; i <= 5; i++)
-            if (b[i + 1] > a[i] * 1.03 && b[i + 1] > a[i] + 300) {
-                printf "%s: found %d instructions in %s, expected at most %d + 3 %%\n", b[1], b[i + 1], names[i], a[i]; bad = 1
+found
+# Compares each stage and the total; a stage of less than 10,000 instructions may differ by 300.
+found | awk 'FILENAME == "-" {
+        split("front pyramid sample other total", names, " ")
+        for (i = 1; i <= 5; i++) {
+            most = expected[$1, i]
+            if ($(i + 1) > most * 1.03 && $(i + 1) > most + 300) {
+                printf "%s: found %d instructions in %s, expected at most %d + 3 %%\n", $1, $(i + 1), names[i], most; bad = 1
             }
-        exit bad
-    }' || failed=1
-done < <(grep -v '^#' "$baseline")
-exit $failed
+        }
+        next
+    }
+    !/^#/ { for (i = 1; i <= 5; i++) expected[$1, i] = $(i + 1) }
+    END { exit bad }' "$baseline" -

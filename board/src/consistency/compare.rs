@@ -163,17 +163,17 @@ impl Comparison {
         by_size.clone_from(by_row);
         let Some(median) = median(by_size).filter(|_| by_row.len() >= ENOUGH) else { return found };
         found.log_ratio = Some(median.ln());
-        let is_away = |r: &&f32| !(median / DIFFERENT..median * DIFFERENT).contains(*r);
-        let mut start = 0;
+        let same = median / DIFFERENT..median * DIFFERENT;
+        let (mut start, mut away) = (0, by_row.len());
         for (row, end) in found.rows.iter_mut().zip(&ends) {
             let ratios = by_row.get(start..*end).unwrap_or_default();
-            *row = ratios.iter().filter(|r| !is_away(r)).count() >= ENOUGH_IN_ROW;
-            start = *end;
+            let equal = ratios.iter().filter(|ratio| same.contains(*ratio)).count();
+            (*row, away, start) = (equal >= ENOUGH_IN_ROW, away - equal, *end);
         }
         if by_row.len() < ENOUGH_FOR_SHARE {
             return found;
         }
-        found.away = by_row.iter().filter(is_away).count() as f32 / by_row.len() as f32;
+        found.away = away as f32 / by_row.len() as f32;
         if found.away > TORN_SHARE {
             let medians = Medians::of(by_row, &ends);
             (found.is_torn, found.parts) = (medians.are_two_parts(), medians.parts());
