@@ -1,5 +1,6 @@
 //! Jumps of the light of rows: changes from burst to burst as false frames show them, against the usual changes.
 
+use super::compare::median;
 use super::history::{Contradictions, DEVIATIONS, NEW};
 use super::samples::{ROWS, RowSet, SATURATED, Sampled};
 use hemilux_core::wire::FrameFault;
@@ -21,11 +22,6 @@ const CONFIRMED: usize = 2;
 
 /// Factor of a row's running variance up to which a burst counts: a false frame that is no jump does not hide the next one.
 const OUTLIER: f32 = 8.0;
-
-/// Returns the greater one of the two middle values.
-fn median(mut values: [f32; ROWS]) -> f32 {
-    *values.select_nth_unstable_by(ROWS / 2, f32::total_cmp).1
-}
 
 /// Returns the number of rows with a value.
 pub(super) fn measured<T>(rows: &[Option<T>; ROWS]) -> usize {
@@ -67,7 +63,8 @@ impl Usual {
             return None;
         }
         // A row has at least the variance of most rows.
-        let least = median(self.variances).max((JUMP.ln() / DEVIATIONS).powi(2));
+        let most_rows = median(&mut self.variances.clone()).unwrap_or(0.0);
+        let least = most_rows.max((JUMP.ln() / DEVIATIONS).powi(2));
         let usual = self.variances.map(|variance| variance.max(least));
         let threshold = |variance: f32| DEVIATIONS * variance.sqrt();
         let jump = Jump::find(changes, threshold(least), &usual.map(threshold), is_window);
