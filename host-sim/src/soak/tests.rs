@@ -161,6 +161,21 @@ fn sets_of_other_lamps_are_wrong() {
 }
 
 #[test]
+fn the_committed_report_of_a_day_has_the_figures_of_the_readme() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("a workspace");
+    let read = |name: &str| std::fs::read_to_string(root.join(name)).expect("a text");
+    let (report, readme) = (read("fixtures/soak.txt"), read("board/README.md"));
+    let count = |name: &str| -> f64 {
+        let line = report.lines().find_map(|line| line.strip_prefix(name)).expect("a line of the report");
+        line.trim().parse().expect("a number")
+    };
+    assert!(report.starts_with("24.00 h") && report.trim_end().ends_with("all requirements hold"));
+    let one_in = count("sets under lamps that are found") / count("sets off the mean of the lamps");
+    let stated = format!("in a day, one in {} does", 10.0 * (one_in / 10.0).round());
+    assert!(readme.contains(&stated), "expected in board/README.md: {stated}");
+}
+
+#[test]
 fn sets_of_torn_bursts_of_one_exposure_are_wrong() {
     let torn = |factor| move |inner| -> Box<dyn Source> { Box::new(TornFrames { inner, factor }) };
     // A single frame cannot contradict another one, so that the probe merges it.
