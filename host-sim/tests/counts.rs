@@ -48,7 +48,7 @@ fn readmes_have_the_instruction_counts_of_the_baseline() {
         ("raw10:640x480:q2tree:64", "RAW10, `q2tree`"),
         ("yuyv:640x480:q2tree:64", "YUYV, `q2tree`"),
     ];
-    let mut totals = Vec::new();
+    let (mut totals, mut stages) = (Vec::new(), Vec::new());
     for (case, name) in names {
         let line = baseline.lines().find_map(|l| l.strip_prefix(case)).expect(case);
         let counts = line.split_whitespace().map(|n| n.parse::<f64>().expect("a count") / 1e6);
@@ -60,6 +60,7 @@ fn readmes_have_the_instruction_counts_of_the_baseline() {
         assert!(core.contains(&row), "expected in core/README.md: {row}");
         if case.contains("q2tree") {
             totals.push(format!("{all:.1} M"));
+            stages.push(format!("{front:.1}, {pyramid:.1}, {sample:.2} M"));
         } else {
             let told = format!(
                 "`adaptive` in place of `q2tree`, the sampler takes {sample:.1} M instructions on ARMv7"
@@ -77,8 +78,12 @@ fn readmes_have_the_instruction_counts_of_the_baseline() {
         let told = format!("{words} {:.1} M", sample(&format!("rgb24:640x480:adaptive+soft:{discs} ")));
         assert!(top.contains(&told), "expected in README.md: {told}");
     }
-    let row = format!("| ARMv7 with NEON, instructions | {} |", totals.join(" | "));
-    assert!(top.contains(&row), "expected in README.md: {row}");
+    for (name, cells) in
+        [("ARMv7 with NEON, instructions", totals), ("of which merge and map, pyramid, `q2tree`", stages)]
+    {
+        let row = format!("| {name} | {} |", cells.join(" | "));
+        assert!(top.contains(&row), "expected in README.md: {row}");
+    }
 }
 
 #[test]
@@ -106,6 +111,9 @@ fn readmes_have_the_counts_of_all_exposures_and_of_a_sliding_window() {
         );
         assert!(core.contains(&row), "expected in core/README.md: {row}");
     }
+    let [rgb24, yuyv] = ["rgb24+all", "yuyv+all"].map(|case| counts(case)[4]);
+    let row = format!("| total with `--merge all` | {rgb24:.1} M | not counted | {yuyv:.1} M |");
+    assert!(top.contains(&row), "expected in README.md: {row}");
     let [sliding, needed, all] = ["rgb24+sliding", "rgb24", "rgb24+all"].map(|case| counts(case)[4]);
     let told = [
         format!("A set takes {sliding:.1} M instructions on ARMv7 (RGB24, `q2tree`, 64 lights)"),
