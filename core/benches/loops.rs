@@ -1,6 +1,6 @@
 //! Benchmarks of the hot loops: `cargo bench -p hemilux-core`.
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/all/common/mod.rs"]
 mod common;
 
 use common::{bench_lens, dark, one_exposure, pixel_table};

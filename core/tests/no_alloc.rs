@@ -1,6 +1,7 @@
 //! The core allocates no heap memory: a counting allocator stays at zero from burst to bytes for a hundred frames.
 #![allow(unsafe_code, reason = "a global allocator cannot be written without")]
 
+#[path = "all/common/mod.rs"]
 mod common;
 
 use common::{VecQ2Tree, bench_lens, dark, pixel_table};

@@ -2,7 +2,7 @@
 # Counts instructions per frame on ARMv7, by stage, under qemu-arm. The count is exact, so a loop that became longer is visible at once.
 #
 #   count.sh HEMILUX-SIM            counts the cases of baseline.txt and fails if a case takes over 3 % more
-#   count.sh HEMILUX-SIM --write    replaces baseline.txt; `cargo test -p hemilux-sim --test counts` then names the rows to change in READMEs
+#   count.sh HEMILUX-SIM --write    replaces baseline.txt; `cargo test -p hemilux-sim --test all counts` then names the rows to change in READMEs
 #
 # HEMILUX-SIM is a release build for armv7-unknown-linux-gnueabihf with NEON. Needs qemu-user, gcc and binutils for ARM.
 set -euo pipefail

@@ -1,0 +1,32 @@
+//! The tests of the core: one program, because each further program takes as long to build as most of the tests take to run.
+
+mod adaptive;
+mod adaptive_model;
+mod binned;
+mod capacity;
+mod common;
+mod coordinates;
+mod front;
+mod front_end_table;
+mod harmonics;
+mod healpix;
+mod hemigon;
+mod hemigon_filter;
+mod hemigon_map;
+mod hostile;
+mod hostile_arguments;
+mod lens;
+mod mains;
+mod merge_twin;
+mod pharr;
+mod polar;
+mod pyramid;
+mod q2tree;
+mod q2tree_splits;
+mod readme;
+mod response;
+mod thin;
+mod unpack;
+mod window;
+mod wire;
+mod wire_binary;
