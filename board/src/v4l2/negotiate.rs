@@ -7,7 +7,7 @@ use super::media::bus;
 use super::options::Options;
 use super::{Call, CameraError, Node, Size, abi, formats, persist};
 use hemilux_core::format::Yuv;
-use hemilux_core::mains::{Lamps, best_rate};
+use hemilux_core::mains::{Lamps, best_rate_of_any};
 use rustix::io::Errno;
 use std::path::Path;
 
@@ -96,12 +96,15 @@ pub(super) fn set_pad(sensor: &mut dyn Node, wished: Size) -> Option<Carried> {
     bus::is_read(pad.code).then_some(Carried { code: pad.code, size: Size::new(pad.width, pad.height) })
 }
 
+/// Number of frames up to which bursts are to record lamps on the mains at different phases. For five and more, few rates have this property.
+const MOST_FRAMES: usize = 4;
+
 /// Requests the frame rate of `options` and returns the granted frame interval in seconds.
 ///
 /// A frame rate at which successive bursts show lamps on the mains at differing phases is requested first, and accepted if the driver
-/// grants a rate of that kind. The rates for which this holds for bursts of one frame are right for most other numbers of frames.
+/// grants a rate of that kind. The number of frames of a burst can change while the camera runs.
 pub(super) fn choose_rate(video: &mut dyn Node, options: &Options) -> Result<f64, CameraError> {
-    let spread = |rate_hz| best_rate(rate_hz, 1, Lamps::Auto);
+    let spread = |rate_hz| best_rate_of_any(rate_hz, MOST_FRAMES, Lamps::Auto);
     let (asked, best) = (options.rate_hz, spread(options.rate_hz));
     if options.spreads_phases && options.stand_in.is_none() && best < asked {
         let period_s = set_rate(video, best, &options.path)?;

@@ -17,7 +17,7 @@ const OTHER_SHAPE: f32 = 0.2;
 
 /// Difference between a value and the modulation of the last fit, divided by the amplitude of the second and third harmonics together, up to which
 /// the value is no step: three harmonics differ so much from a rectangle at its edges.
-const AT_EDGES: f32 = 1.5;
+const AT_EDGES: f32 = 2.0;
 
 /// Least light of the last fit's modulation in a burst, relative to its mean, from which a mean is computed.
 const LEAST_LIGHT: f32 = 0.3;
@@ -38,6 +38,11 @@ const FORGETTING: f32 = 0.99;
 /// Number of amplitudes of the harmonics in a fit: cosine and sine of each.
 const SHAPE: usize = TERMS - 1;
 
+/// Weight of the newest fit in the mean of the means of successive fits, a long time after the frequency was found, and number of bursts after
+/// which half of the weight is on the newest fit: in the first bursts the frequency is inexact, and with it the means.
+const NEW_LEVEL: f32 = 1.0 / 8.0;
+const INEXACT: f32 = 10.0;
+
 /// The energies of a cell in the last bursts, and its modulation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
@@ -48,7 +53,7 @@ pub struct Cell {
     pub(super) shape: [f32; SHAPE],
     /// Exponentially weighted means of the cell's red, green and blue energy; their ratio is the colour of the cell's mean.
     pub(super) colour: [f32; 3],
-    /// Mean luminance energy of the last fit with a significant modulation.
+    /// Mean luminance energy of the last fits with a significant modulation ([`Cell::smoothed`]).
     pub(super) level: f32,
     /// Number of the last burst before the cell's last step.
     pub(super) since: u32,
@@ -60,13 +65,22 @@ impl Cell {
         self.shape != [0.0; SHAPE]
     }
 
-    /// Stores the modulation of the fit `found`, unless its mean is so small that the lamp is off and the light comes from its
-    /// surroundings.
-    fn learn(&mut self, found: &Estimate) {
+    /// Returns the mean of the fits of successive bursts, in which the fit `found` has the weight `new`. It differs from the mean of `found` by at
+    /// most the standard deviation that the residuals imply: three harmonics leave residuals of a rectangle, by which the means of successive
+    /// fits differ; the residuals of a sinusoid are noise, so that its mean is hardly smoothed.
+    fn smoothed(&self, found: &Estimate, new: f32) -> f32 {
+        let smoothed = self.level + new * (found.mean - self.level);
+        let error = found.error_of_mean();
+        smoothed.max(found.mean - error).min(found.mean + error)
+    }
+
+    /// Stores the modulation of the fit `found` and its smoothed mean `level`, unless the mean is so small that the lamp is off and the light
+    /// comes from its surroundings.
+    fn learn(&mut self, found: &Estimate, level: f32) {
         self.level *= FORGETTING;
         if found.mean > (SAME_LIGHT * self.level).max(0.0) {
             self.shape = found.harmonics.map(|a| a / found.mean);
-            self.level = found.mean;
+            self.level = level;
         }
     }
 
@@ -101,19 +115,22 @@ pub(super) struct Fits {
     best: usize,
     slots: [usize; WINDOW],
     window: Window,
+    /// Weight of the newest fit in the mean of the means of successive fits.
+    new_level: f32,
     /// Whether the window has bursts of other merged exposures.
     is_reselected: bool,
 }
 
 impl Fits {
-    /// Computes the fits of a modulation of `frequency`, whose phase in the newest burst is `phase` periods. `is_reselected` states whether bursts of
-    /// other merged exposures are in the window.
-    pub fn new(window: &Window, phase: f64, frequency: f64, is_reselected: bool) -> Self {
+    /// Computes the fits of a modulation of `frequency`, whose phase in the newest burst is `phase` periods, and which was found `age` bursts ago.
+    /// `is_reselected` states whether bursts of other merged exposures are in the window.
+    pub fn new(window: &Window, phase: f64, frequency: f64, age: u32, is_reselected: bool) -> Self {
         let basis = Basis::new(window, phase, frequency);
         let fits = core::array::from_fn(|bursts| Fit::new(window, &basis, bursts));
         let best = most_even(window, &basis);
         let slots = core::array::from_fn(|back| window.slot(back));
-        Self { basis, fits, best, slots, window: *window, is_reselected }
+        let new_level = NEW_LEVEL.max(INEXACT / (INEXACT + age as f32));
+        Self { basis, fits, best, slots, window: *window, new_level, is_reselected }
     }
 
     /// Returns the fit to the last `age` bursts of a cell; `None` if so few bursts do not determine a mean.
@@ -141,10 +158,13 @@ impl Fits {
             return self.of_known_shape(cell);
         }
         if strength > if cell.has_shape() { STEADY } else { MODULATED } {
+            // The fits soon after a step or the start have few bursts, so that their means are not those of the following fits.
+            let is_long = cell.has_shape() && self.window.age(cell.since) == WINDOW;
+            let y = if is_long { cell.smoothed(&found, self.new_level) } else { found.mean };
             if strength > MODULATED {
-                cell.learn(&found);
+                cell.learn(&found, y);
             }
-            return Some(Level { y: found.mean.max(0.0), depth, is_modulated: true });
+            return Some(Level { y: y.max(0.0), depth, is_modulated: true });
         }
         cell.doubt(&found);
         in_region.then_some(Level { y: without_wave, depth, is_modulated: false })

@@ -66,6 +66,8 @@ pub(super) struct Fit {
     mask: PastValues,
     /// Weight of the newest value in the fit's prediction of this value.
     leverage: f32,
+    /// Variance of the mean of the fit, divided by the variance of the residuals.
+    of_mean: f32,
 }
 
 impl Fit {
@@ -101,7 +103,7 @@ impl Fit {
         }
         let newest = window.slot(0);
         let leverage = rows.iter().zip(basis.at(newest)).map(|(row, term)| row[newest] * term).sum();
-        Some(Self { bursts, terms, rows, mask, leverage })
+        Some(Self { bursts, terms, rows, mask, leverage, of_mean: inverse[0][0] as f32 })
     }
 
     /// Returns the number of degrees of freedom of the residuals.
@@ -132,6 +134,7 @@ impl Fit {
             noise: (squares - residual * residual / left).max(0.0),
             squares,
             waves: dot(&wave, &wave),
+            of_mean: self.of_mean,
             freedom: self.freedom() as f32,
             used: (self.terms - 1) as f32,
         }
@@ -157,6 +160,8 @@ pub(super) struct Estimate {
     squares: f32,
     /// Sum of the squares of the fitted modulation over the bursts.
     waves: f32,
+    /// Variance of the mean, divided by the variance of the residuals.
+    of_mean: f32,
     /// Number of degrees of freedom of the residuals, and of the modulation.
     freedom: f32,
     used: f32,
@@ -188,6 +193,11 @@ impl Estimate {
     /// Returns the variance of the residuals of the fit.
     pub fn variance(&self) -> f32 {
         self.squares / self.freedom.max(1.0)
+    }
+
+    /// Returns the standard deviation of the mean that the residuals imply.
+    pub fn error_of_mean(&self) -> f32 {
+        libm::sqrtf(self.variance() * self.of_mean)
     }
 
     /// Returns the sum of the squared residuals.

@@ -39,7 +39,7 @@ const LOST: f32 = 0.35;
 /// Least fraction of the variance that a waveform of three harmonics must explain to be locked with [`MANY`] bursts if the fundamental
 /// explains less: for example a rectangle, or a lamp that is clipped at some phases; and the least fraction that the fundamental must then
 /// explain.
-const FOUND_WAVEFORM: f32 = 0.93;
+const FOUND_WAVEFORM: f32 = 0.9;
 const LEAST_FUNDAMENTAL: f32 = 0.5;
 
 /// Largest fraction of the variance that a single burst may cause if a frequency is to be locked. In eight bursts of a sinusoid it is a
@@ -122,18 +122,21 @@ pub(super) struct Lock {
     /// Least and largest frequency to which a drift of the modulation is followed.
     range: [f64; 2],
     step: f64,
+    /// Number of bursts since the frequency was found.
+    pub age: u32,
     /// Number of successive bursts that the frequency explained badly, each counted [`UNKNOWN`] times, plus bursts without varying light.
     poor: u32,
 }
 
 impl Lock {
     fn new(frequency: f64, range: [f64; 2], step: f64) -> Self {
-        Self { frequency, phase: 0.0, range, step, poor: 0 }
+        Self { frequency, phase: 0.0, range, step, age: 0, poor: 0 }
     }
 
     /// Advances the phase to the newest burst of `window`.
     pub fn advance(&mut self, window: &Window) {
         self.phase = fraction(self.phase + self.frequency * window.since(1));
+        self.age = self.age.saturating_add(1);
     }
 
     /// Follows the drift of the frequency; returns `None` once the frequency no longer explains the light.
@@ -145,7 +148,7 @@ impl Lock {
         // Light that is off or has just changed is not evidence against the frequency.
         let doubt = if found.is_some() { UNKNOWN } else { 1 };
         self.poor = if here < LOST { self.poor + doubt } else { 0 };
-        if here > FOUND[1] && window.count() >= MANY {
+        if here > LEAST_FUNDAMENTAL && window.count() >= MANY {
             let (below, above) = (score(-1.0).unwrap_or(0.0), score(1.0).unwrap_or(0.0));
             let curvature = below + above - 2.0 * here;
             let offset = if curvature < -1e-6 { 0.5 * (below - above) / curvature } else { above - below };

@@ -9,9 +9,13 @@ use super::window::WINDOW;
 const LEAST_ADVANCE: f64 = 0.14;
 const LEAST_OF_TWO: f64 = 0.14;
 
-/// Longest interval of the period without the phase of one of [`WINDOW`] successive bursts, periods. Longer intervals hide the edges of a rectangular
-/// modulation.
-const LONGEST_GAP: f64 = 1.0 / 7.0 + 1e-3;
+/// Longest interval of the period without the phase of one of [`WINDOW`] successive bursts, periods: of the rates that are preferred, and of those
+/// that are used without a preferred one. Longer intervals hide the edges of a rectangular modulation. With a seventh of the period, seven
+/// successive bursts may record nearly the phases of the seven bursts before.
+const LONGEST_GAPS: [f64; 2] = [1.0 / 9.0 + 1e-3, 1.0 / 7.0 + 1e-3];
+
+/// Largest number of frames of a burst that [`best_rate_of_any`] considers.
+const MOST_FRAMES: usize = 12;
 
 /// Step of the frame rates that are tried, frames per second, and ratio of the lowest rate to the highest.
 const STEP_HZ: f64 = 0.1;
@@ -21,8 +25,8 @@ const LOWEST: f64 = 0.85;
 /// bursts.
 ///
 /// At 30 frames per second, bursts of three frames record 100 Hz always at the same phase, which no fit can distinguish from steady light.
-/// If possible, the phases of sixteen bursts also leave no interval of more than a seventh of the period. Returns `most_hz` if no rate down to
-/// 85 % of it is better.
+/// If possible, the phases of sixteen bursts also leave no interval of more than a ninth of the period, or else of more than a seventh. Returns
+/// `most_hz` if no rate down to 85 % of it is better.
 ///
 /// ```
 /// use hemilux_core::mains::{Lamps, best_rate};
@@ -33,20 +37,41 @@ const LOWEST: f64 = 0.85;
 /// ```
 #[must_use]
 pub fn best_rate(most_hz: f64, frames: usize, lamps: Lamps) -> f64 {
-    if !(most_hz > 0.0 && most_hz.is_finite()) || frames == 0 {
-        return most_hz;
-    }
-    let steps = ((1.0 - LOWEST) * most_hz / STEP_HZ).min(1e4) as u32;
-    let of_all = |is_good: fn(f64) -> bool| {
-        let suits = |rate: &f64| lamps.frequencies_hz().all(|hz| is_good(hz * frames as f64 / rate));
-        (0..=steps).map(|step| most_hz - STEP_HZ * f64::from(step)).find(suits)
-    };
-    of_all(spreads).or_else(|| of_all(advances)).unwrap_or(most_hz)
+    let of_gap = |most: f64| highest(most_hz, |rate_hz| spreads(rate_hz, frames, lamps, most));
+    LONGEST_GAPS.into_iter().chain([1.0]).find_map(of_gap).unwrap_or(most_hz)
 }
 
-/// Returns whether sixteen bursts at intervals of `periods` periods of a modulation record the modulation at phases that are spread over the period.
-fn spreads(periods: f64) -> bool {
-    advances(periods) && longest_gap(periods) <= LONGEST_GAP
+/// Returns the highest frame rate, at most `most_hz`, at which bursts of 1 to `most_frames` frames (at most twelve) record `lamps` at different phases
+/// in successive bursts, so that the number of exposures can change; if no rate down to 85 % of `most_hz` has this property, [`best_rate`] of bursts
+/// of one frame.
+///
+/// ```
+/// use hemilux_core::mains::{Lamps, best_rate_of_any};
+///
+/// assert!((best_rate_of_any(30.0, 4, Lamps::Auto) - 28.0).abs() < 1e-9);
+/// ```
+#[must_use]
+pub fn best_rate_of_any(most_hz: f64, most_frames: usize, lamps: Lamps) -> f64 {
+    let [.., most] = LONGEST_GAPS;
+    let most_frames = most_frames.min(MOST_FRAMES);
+    let suits = |rate_hz: f64| (1..=most_frames).all(|frames| spreads(rate_hz, frames, lamps, most));
+    highest(most_hz, suits).unwrap_or_else(|| best_rate(most_hz, 1, lamps))
+}
+
+/// Returns the highest rate from `most_hz` down to 85 % of it for which `suits` returns true.
+fn highest(most_hz: f64, suits: impl Fn(f64) -> bool) -> Option<f64> {
+    if !(most_hz > 0.0 && most_hz.is_finite()) {
+        return None;
+    }
+    let steps = ((1.0 - LOWEST) * most_hz / STEP_HZ).min(1e4) as u32;
+    (0..=steps).map(|step| most_hz - STEP_HZ * f64::from(step)).find(|rate_hz| suits(*rate_hz))
+}
+
+/// Returns whether bursts of `frames` frames at `rate_hz` record `lamps` at different phases in successive bursts, and in sixteen bursts at phases
+/// between which no interval is longer than `most` periods.
+fn spreads(rate_hz: f64, frames: usize, lamps: Lamps, most: f64) -> bool {
+    let periods = |hz: f64| hz * frames as f64 / rate_hz;
+    lamps.frequencies_hz().map(periods).all(|periods| advances(periods) && longest_gap(periods) <= most)
 }
 
 /// Returns whether bursts at intervals of `periods` periods of a modulation record the modulation at different phases.

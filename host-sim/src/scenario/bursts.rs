@@ -123,7 +123,7 @@ mod tests {
             for hz in [100.0, 120.0] {
                 let flux = flux(34, Wave::Pwm { hz, duty: 0.5 }, most_hz);
                 let off = flux[10..].iter().map(|flux| (flux - 1.0).abs()).sum::<f64>() / 24.0;
-                assert!(off < 0.05, "{hz} Hz at {most_hz}: {off}");
+                assert!(off < 0.02, "{hz} Hz at {most_hz}: {off}");
             }
         }
     }

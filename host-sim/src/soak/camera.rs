@@ -34,8 +34,8 @@ const BETWEEN_OUTAGES: u64 = 12_000;
 /// Duration of an outage, real time: longer than the age at which the server marks a set stale (1.5 s).
 const OUTAGE: Duration = Duration::from_secs(2);
 
-/// Simulated time from burst to burst, nanoseconds: three frames at 29.1 a second, the highest rate up to 30 at which bursts record lamps
-/// on the mains at different phases. At exactly ten bursts a second, the search for mains light would have nothing to find.
+/// Simulated time from burst to burst, nanoseconds: three frames at 29.1 a second. Bursts at this rate record lamps on the mains
+/// at different phases. At exactly ten bursts a second, the search for mains light would have nothing to find.
 const INTERVAL_NS: u64 = 103_092_784;
 
 /// Simulated time of the first burst, nanoseconds: later than the largest backward step of a fault of the clock.
@@ -261,7 +261,9 @@ mod tests {
         let mut burst = Burst::default();
         let times: Vec<_> = (0..100).map(|_| camera.next(&mut burst).map(|()| burst.phase_ns)).collect();
         let times: Vec<_> = times.into_iter().map(|time| time.expect("a burst")).collect();
-        let interval_ns = 3e9 / best_rate(30.0, 3, Lamps::Auto);
+        let rate_hz = 29.1;
+        assert_eq!(best_rate(rate_hz, 3, Lamps::Mains50), rate_hz, "phases of lamps of 100 Hz differ");
+        let interval_ns = 3e9 / rate_hz;
         for pair in times.windows(2) {
             assert!(((pair[1] - pair[0]) as f64 - interval_ns).abs() < 1.0, "{pair:?}, {interval_ns}");
         }

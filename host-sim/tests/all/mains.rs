@@ -126,15 +126,16 @@ fn light_of_other_waveforms_equals_light_of_steady_lamps() {
     }
 }
 
-/// At 28 frames per second, light of 100 Hz is measured at seven phases, over which the mean of a rectangular wave has an error at its edges. With
-/// [`MergeMode::Needed`], the exposures that are read differ between the phases until the frequency is measured.
+/// At 28 frames per second, light of 100 Hz is measured at seven phases, over which the mean of a rectangular wave has an error at its edges: 5 %
+/// on average, depending on the phases. With [`MergeMode::Needed`], the exposures that are read differ between the phases until the frequency is
+/// measured.
 #[test]
 fn light_of_rectangular_waves_is_the_mean_over_the_measured_phases() {
     for merge in [MergeMode::All, MergeMode::Needed] {
         let settings = Settings { merge, ..Settings::default() };
         let wave = Wave::Pwm { hz: 100.0, duty: 0.5 };
         let [off, flicker] = compare_with(wave, SETTLED + 6, settings);
-        assert!(off < 0.05 && flicker < 0.01, "{merge:?}: off {off}, flicker {flicker}");
+        assert!(off < 0.06 && flicker < 0.005, "{merge:?}: off {off}, flicker {flicker}");
     }
 }
 
