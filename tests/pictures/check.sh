@@ -6,7 +6,7 @@
 #
 # Not compared: soft.png (soft.py), page*.png, which are screenshots of a live page (tests/tests/page/screenshots.mjs), and the positions on the time axis
 # of chart-time.svg, which are measured on the current machine; its texts (methods, axes) are compared. Coordinates of slowdown.svg may differ by a
-# pixel: rounded values differ between processors. exports.png belongs to tests/exports.
+# pixel: one curve is within 0.02 pixels of a boundary of pixels. exports.png belongs to tests/exports.
 # The check takes two minutes on two cores.
 set -euo pipefail
 sim=$(realpath "$1")

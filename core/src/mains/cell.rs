@@ -17,7 +17,7 @@ const OTHER_SHAPE: f32 = 0.2;
 
 /// Difference between a value and the modulation of the last fit, divided by the amplitude of the second and third harmonics together, up to which
 /// the value is no step: three harmonics differ so much from a rectangle at its edges.
-const AT_EDGES: f32 = 2.0;
+const AT_EDGES: f32 = 1.5;
 
 /// Least light of the last fit's modulation in a burst, relative to its mean, from which a mean is computed.
 const LEAST_LIGHT: f32 = 0.3;
@@ -38,10 +38,8 @@ const FORGETTING: f32 = 0.99;
 /// Number of amplitudes of the harmonics in a fit: cosine and sine of each.
 const SHAPE: usize = TERMS - 1;
 
-/// Weight of the newest fit in the mean of the means of successive fits, a long time after the frequency was found, and number of bursts after
-/// which half of the weight is on the newest fit: in the first bursts the frequency is inexact, and with it the means.
+/// Weight of the newest fit in the mean of the means of successive fits.
 const NEW_LEVEL: f32 = 1.0 / 8.0;
-const INEXACT: f32 = 10.0;
 
 /// The energies of a cell in the last bursts, and its modulation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -65,11 +63,11 @@ impl Cell {
         self.shape != [0.0; SHAPE]
     }
 
-    /// Returns the mean of the fits of successive bursts, in which the fit `found` has the weight `new`. It differs from the mean of `found` by at
+    /// Returns the mean of the fits of successive bursts, of which `found` is the newest. It differs from the mean of `found` by at
     /// most the standard deviation that the residuals imply: three harmonics leave residuals of a rectangle, by which the means of successive
     /// fits differ; the residuals of a sinusoid are noise, so that its mean is hardly smoothed.
-    fn smoothed(&self, found: &Estimate, new: f32) -> f32 {
-        let smoothed = self.level + new * (found.mean - self.level);
+    fn smoothed(&self, found: &Estimate) -> f32 {
+        let smoothed = self.level + NEW_LEVEL * (found.mean - self.level);
         let error = found.error_of_mean();
         smoothed.max(found.mean - error).min(found.mean + error)
     }
@@ -115,22 +113,19 @@ pub(super) struct Fits {
     best: usize,
     slots: [usize; WINDOW],
     window: Window,
-    /// Weight of the newest fit in the mean of the means of successive fits.
-    new_level: f32,
     /// Whether the window has bursts of other merged exposures.
     is_reselected: bool,
 }
 
 impl Fits {
-    /// Computes the fits of a modulation of `frequency`, whose phase in the newest burst is `phase` periods, and which was found `age` bursts ago.
-    /// `is_reselected` states whether bursts of other merged exposures are in the window.
-    pub fn new(window: &Window, phase: f64, frequency: f64, age: u32, is_reselected: bool) -> Self {
+    /// Computes the fits of a modulation of `frequency`, whose phase in the newest burst is `phase` periods. `is_reselected` states whether bursts of
+    /// other merged exposures are in the window.
+    pub fn new(window: &Window, phase: f64, frequency: f64, is_reselected: bool) -> Self {
         let basis = Basis::new(window, phase, frequency);
         let fits = core::array::from_fn(|bursts| Fit::new(window, &basis, bursts));
         let best = most_even(window, &basis);
         let slots = core::array::from_fn(|back| window.slot(back));
-        let new_level = NEW_LEVEL.max(INEXACT / (INEXACT + age as f32));
-        Self { basis, fits, best, slots, window: *window, new_level, is_reselected }
+        Self { basis, fits, best, slots, window: *window, is_reselected }
     }
 
     /// Returns the fit to the last `age` bursts of a cell; `None` if so few bursts do not determine a mean.
@@ -158,9 +153,10 @@ impl Fits {
             return self.of_known_shape(cell);
         }
         if strength > if cell.has_shape() { STEADY } else { MODULATED } {
-            // The fits soon after a step or the start have few bursts, so that their means are not those of the following fits.
-            let is_long = cell.has_shape() && self.window.age(cell.since) == WINDOW;
-            let y = if is_long { cell.smoothed(&found, self.new_level) } else { found.mean };
+            // Fits to few bursts, or to bursts of several merged exposures, have other means than the following fits.
+            let is_like_the_next = self.window.age(cell.since) == WINDOW && !self.is_reselected;
+            let is_smoothed = cell.has_shape() && is_like_the_next;
+            let y = if is_smoothed { cell.smoothed(&found) } else { found.mean };
             if strength > MODULATED {
                 cell.learn(&found, y);
             }

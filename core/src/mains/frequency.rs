@@ -122,21 +122,18 @@ pub(super) struct Lock {
     /// Least and largest frequency to which a drift of the modulation is followed.
     range: [f64; 2],
     step: f64,
-    /// Number of bursts since the frequency was found.
-    pub age: u32,
     /// Number of successive bursts that the frequency explained badly, each counted [`UNKNOWN`] times, plus bursts without varying light.
     poor: u32,
 }
 
 impl Lock {
     fn new(frequency: f64, range: [f64; 2], step: f64) -> Self {
-        Self { frequency, phase: 0.0, range, step, age: 0, poor: 0 }
+        Self { frequency, phase: 0.0, range, step, poor: 0 }
     }
 
     /// Advances the phase to the newest burst of `window`.
     pub fn advance(&mut self, window: &Window) {
         self.phase = fraction(self.phase + self.frequency * window.since(1));
-        self.age = self.age.saturating_add(1);
     }
 
     /// Follows the drift of the frequency; returns `None` once the frequency no longer explains the light.

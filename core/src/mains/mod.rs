@@ -328,7 +328,7 @@ impl MainsState {
 
     fn fits_at(&self, lock: &Lock) -> Fits {
         let is_reselected = self.reselected.is_some_and(|since| self.window.age(since) < WINDOW);
-        Fits::new(&self.window, lock.phase, lock.frequency, lock.age, is_reselected)
+        Fits::new(&self.window, lock.phase, lock.frequency, is_reselected)
     }
 
     /// Replaces the energy of each cell for which `level` returns one; its second argument is whether the cell's region is modulated.

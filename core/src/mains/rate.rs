@@ -41,9 +41,9 @@ pub fn best_rate(most_hz: f64, frames: usize, lamps: Lamps) -> f64 {
     LONGEST_GAPS.into_iter().chain([1.0]).find_map(of_gap).unwrap_or(most_hz)
 }
 
-/// Returns the highest frame rate, at most `most_hz`, at which bursts of 1 to `most_frames` frames (at most twelve) record `lamps` at different phases
-/// in successive bursts, so that the number of exposures can change; if no rate down to 85 % of `most_hz` has this property, [`best_rate`] of bursts
-/// of one frame.
+/// Returns the highest frame rate, at most `most_hz`, at which bursts of 1 to `most_frames` frames (at most twelve) record `lamps` at different
+/// phases in successive bursts, so that the number of exposures can change; if no rate down to 85 % of `most_hz` has this property, [`best_rate`]
+/// of bursts of one frame.
 ///
 /// ```
 /// use hemilux_core::mains::{Lamps, best_rate_of_any};

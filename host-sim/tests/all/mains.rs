@@ -135,7 +135,7 @@ fn light_of_rectangular_waves_is_the_mean_over_the_measured_phases() {
         let settings = Settings { merge, ..Settings::default() };
         let wave = Wave::Pwm { hz: 100.0, duty: 0.5 };
         let [off, flicker] = compare_with(wave, SETTLED + 6, settings);
-        assert!(off < 0.06 && flicker < 0.005, "{merge:?}: off {off}, flicker {flicker}");
+        assert!(off < 0.05 && flicker < 0.005, "{merge:?}: off {off}, flicker {flicker}");
     }
 }
 
