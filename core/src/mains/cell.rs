@@ -1,6 +1,6 @@
 //! The energies of one cell of the map in the last bursts, and the modulation that is fitted to them.
 
-use super::fit::{Basis, Estimate, Fit, TERMS};
+use super::fit::{Basis, Estimate, Fit, Prediction, TERMS};
 use super::window::{PastValues, WINDOW, Window};
 use bytemuck::{Pod, Zeroable};
 
@@ -11,6 +11,10 @@ const STEADY: f32 = 4.0;
 /// Number of standard deviations, and fraction of the mean, by both of which a value must differ from its prediction to count as a step.
 const STEP_DEVIATIONS: f32 = 6.0;
 const STEP_SHARE: f32 = 0.05;
+
+/// Fraction of the amplitude of a modulation by which a value must differ from its prediction by the values before the last: the standard deviation
+/// of seven degrees of freedom is inexact, and a lamp that is switched off has most of the amplitude in every other burst at least.
+const STEP_AMPLITUDE: f32 = 0.5;
 
 /// Difference between a value and the modulation of the last fit, relative to the mean, above which that modulation is discarded.
 const OTHER_SHAPE: f32 = 0.2;
@@ -111,6 +115,8 @@ pub(super) struct Fits {
     fits: [Option<Fit>; WINDOW + 1],
     /// The number of last bursts whose phases are spread most evenly.
     best: usize,
+    /// The prediction of the newest values from the values before the last; `None` if the window is not full.
+    prediction: Option<Prediction>,
     slots: [usize; WINDOW],
     window: Window,
     /// Whether the window has bursts of other merged exposures.
@@ -124,8 +130,9 @@ impl Fits {
         let basis = Basis::new(window, phase, frequency);
         let fits = core::array::from_fn(|bursts| Fit::new(window, &basis, bursts));
         let best = most_even(window, &basis);
+        let prediction = Prediction::new(window, &basis);
         let slots = core::array::from_fn(|back| window.slot(back));
-        Self { basis, fits, best, slots, window: *window, is_reselected }
+        Self { basis, fits, best, prediction, slots, window: *window, is_reselected }
     }
 
     /// Returns the fit to the last `age` bursts of a cell; `None` if so few bursts do not determine a mean.
@@ -141,7 +148,8 @@ impl Fits {
         let found = fit.estimate(&self.basis, &cell.past, newest);
         let (y, strength, depth) = (cell.past[newest], found.strength(), found.depth());
         let without_wave = (y - found.wave).max(0.0);
-        if found.is_step(STEP_DEVIATIONS, STEP_SHARE) && !self.is_of_shape(cell) {
+        let is_step = found.is_step(STEP_DEVIATIONS, STEP_SHARE) && !self.is_of_shape(cell);
+        if is_step || self.departs(cell) {
             cell.since = self.window.number().wrapping_sub(1);
             if self.is_reselected {
                 cell.shape = [0.0; SHAPE];
@@ -173,6 +181,17 @@ impl Fits {
         let [_, _, harmonics @ ..] = cell.shape;
         let harmonics = libm::sqrtf(harmonics.iter().map(|a| a * a).sum());
         cell.has_shape() && off.abs() <= AT_EDGES * harmonics * cell.level
+    }
+
+    /// Returns whether the newest value of `cell` differs from the modulation in the bursts before the last one: the light may have begun to change
+    /// in the last burst.
+    fn departs(&self, cell: &Cell) -> bool {
+        let is_candidate = cell.has_shape() && self.window.age(cell.since) == WINDOW;
+        is_candidate
+            && self.prediction.as_ref().is_some_and(|prediction| {
+                let newest = self.slots[0];
+                prediction.is_missed(&self.basis, &cell.past, newest, STEP_DEVIATIONS, STEP_AMPLITUDE)
+            })
     }
 
     /// Returns the light of the stored modulation of `cell` in the burst at `slot`, relative to the mean of the modulation.

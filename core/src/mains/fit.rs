@@ -6,6 +6,7 @@
 use super::window::Window;
 use super::window::{PastValues, WINDOW};
 use core::f64::consts::TAU;
+use core::ops::Range;
 
 /// Number of terms of a fit: the mean, then cosine and sine of one, two and three times the frequency.
 pub(super) const TERMS: usize = 7;
@@ -35,10 +36,8 @@ impl Basis {
         let mut terms = [[0.0; WINDOW]; TERMS];
         for back in 0..window.count() {
             let (sin, cos) = libm::sincos(TAU * fraction(phase - frequency * window.since(back)));
-            let [cos2, sin2] = [cos * cos - sin * sin, 2.0 * sin * cos];
-            let values = [1.0, cos, sin, cos2, sin2, cos2 * cos - sin2 * sin, sin2 * cos + cos2 * sin];
             let slot = window.slot(back);
-            terms.iter_mut().zip(values).for_each(|(term, value)| term[slot] = value as f32);
+            terms.iter_mut().zip(terms_of(cos, sin)).for_each(|(term, value)| term[slot] = value as f32);
         }
         Self(terms)
     }
@@ -47,6 +46,12 @@ impl Basis {
     pub fn at(&self, slot: usize) -> [f32; TERMS] {
         self.0.map(|term| term[slot % WINDOW])
     }
+}
+
+/// Returns the terms of a fit at the phase with the cosine `cos` and the sine `sin`.
+fn terms_of(cos: f64, sin: f64) -> [f64; TERMS] {
+    let [cos2, sin2] = [cos * cos - sin * sin, 2.0 * sin * cos];
+    [1.0, cos, sin, cos2, sin2, cos2 * cos - sin2 * sin, sin2 * cos + cos2 * sin]
 }
 
 /// Returns the fractional part of `turns`, 0..1.
@@ -86,24 +91,31 @@ impl Fit {
 
     /// Computes the fit of the first `terms` terms to the newest `bursts` bursts; `None` if the bursts do not determine the mean.
     fn of_terms(window: &Window, basis: &Basis, bursts: usize, terms: usize) -> Option<Self> {
-        if bursts < terms + 2 || bursts > window.count() {
+        Self::of_range(window, basis, 0..bursts, terms).map(|(fit, _)| fit)
+    }
+
+    /// Computes the fit of the first `terms` terms to the bursts of `range`, of which burst 0 is the newest of the window, and the inverse of the
+    /// normal equations; `None` if the bursts do not determine the mean.
+    fn of_range(window: &Window, basis: &Basis, range: Range<usize>, terms: usize) -> Option<(Self, Square)> {
+        let bursts = range.len();
+        if bursts < terms + 2 || range.end > window.count() {
             return None;
         }
-        let normal = normal_equations(window, basis, bursts);
+        let normal = normal_equations(window, basis, range.clone());
         let inverse = inverse(normal, terms);
         let variance = inverse[0][0] * bursts as f64;
         if variance.is_nan() || variance > MOST_VARIANCE {
             return None;
         }
         let (mut rows, mut mask) = ([[0.0; WINDOW]; TERMS], [0.0; WINDOW]);
-        for slot in (0..bursts).map(|back| window.slot(back)) {
+        for slot in range.map(|back| window.slot(back)) {
             let at = basis.at(slot);
             rows.iter_mut().zip(inverse).for_each(|(row, inverse)| row[slot] = product(&inverse, &at));
             mask[slot] = 1.0;
         }
         let newest = window.slot(0);
         let leverage = rows.iter().zip(basis.at(newest)).map(|(row, term)| row[newest] * term).sum();
-        Some(Self { bursts, terms, rows, mask, leverage, of_mean: inverse[0][0] as f32 })
+        Some((Self { bursts, terms, rows, mask, leverage, of_mean: inverse[0][0] as f32 }, inverse))
     }
 
     /// Returns the number of degrees of freedom of the residuals.
@@ -138,6 +150,58 @@ impl Fit {
             freedom: self.freedom() as f32,
             used: (self.terms - 1) as f32,
         }
+    }
+}
+
+/// Differences of phases, periods, at which a modulation has values that are no step. A rectangle that is recorded at seven phases changes from
+/// full to no light in one of them if its phase changes a little.
+const NEAR: [f64; 5] = [-1.0 / 7.0, -1.0 / 14.0, 0.0, 1.0 / 14.0, 1.0 / 7.0];
+
+/// The prediction of the newest value of a cell from all values of a full window but the newest two.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Prediction {
+    fit: Fit,
+    /// The terms of the fit at the phases [`NEAR`] the phase of the newest burst.
+    near: [[f32; TERMS]; NEAR.len()],
+    /// Variance of the difference between a value and its prediction, divided by the variance of the residuals.
+    variance: f32,
+}
+
+impl Prediction {
+    /// Computes the prediction in a full `window`; `None` if the window is not full, or if its bursts do not determine the mean.
+    pub fn new(window: &Window, basis: &Basis) -> Option<Self> {
+        let (fit, inverse) = Fit::of_range(window, basis, 2..WINDOW, TERMS)?;
+        let at = basis.at(window.slot(0));
+        let own = inverse.iter().zip(at).map(|(row, term)| product(row, &at) * term).sum::<f32>();
+        let [_, cos, sin, ..] = at.map(f64::from);
+        let near = NEAR.map(|turns| {
+            let (s, c) = libm::sincos(TAU * turns);
+            terms_of(cos * c - sin * s, sin * c + cos * s).map(|term| term as f32)
+        });
+        Some(Self { fit, near, variance: 1.0 + own.max(0.0) })
+    }
+
+    /// Returns whether the value `past[newest]` differs from all predictions of near phases by more than `deviations` standard deviations of such a
+    /// difference and by more than the fraction `least` of the amplitude of the modulation.
+    pub fn is_missed(
+        &self,
+        basis: &Basis,
+        past: &PastValues,
+        newest: usize,
+        deviations: f32,
+        least: f32,
+    ) -> bool {
+        let found = self.fit.estimate(basis, past, newest);
+        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+        for [_, terms @ ..] in &self.near {
+            let wave = found.harmonics.iter().zip(terms).map(|(a, t)| a * t).sum::<f32>();
+            (low, high) = (low.min(found.mean + wave), high.max(found.mean + wave));
+        }
+        let y = past[newest % WINDOW];
+        let off = (low - y).max(y - high).max(0.0);
+        let variance = found.variance() * self.variance;
+        let squares = found.harmonics.iter().map(|a| a * a).sum::<f32>();
+        off * off > (deviations * deviations * variance).max(least * least * squares)
     }
 }
 
@@ -209,10 +273,11 @@ impl Estimate {
 /// A matrix with a row and a column for each term of a fit.
 type Square = [[f64; TERMS]; TERMS];
 
-/// Returns the sums of the products of the terms over the newest `bursts` bursts, with the ridge on the diagonal.
-fn normal_equations(window: &Window, basis: &Basis, bursts: usize) -> Square {
+/// Returns the sums of the products of the terms over the bursts of `range`, with the ridge on the diagonal.
+fn normal_equations(window: &Window, basis: &Basis, range: Range<usize>) -> Square {
     let mut sums = [[0.0; TERMS]; TERMS];
-    for back in 0..bursts {
+    let bursts = range.len();
+    for back in range {
         let at = basis.at(window.slot(back)).map(f64::from);
         for (row, a) in sums.iter_mut().zip(at) {
             row.iter_mut().zip(at).for_each(|(sum, b)| *sum += a * b);

@@ -3,7 +3,7 @@
 use hemilux_core::mains::{Cell, Flicker, Lamps, Mains, best_rate, mains_len};
 use hemilux_core::pyramid::{Pyramid, Quad, pyramid_len};
 use hemilux_core::{Domain, Order, healpix};
-use std::f64::consts::TAU;
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 const ORDER: u8 = 4;
 const LAMP: usize = 700;
@@ -313,4 +313,44 @@ fn a_single_false_burst_is_not_taken_for_flicker() {
         }
     }
     assert_eq!(locks, 0, "bursts with a frequency");
+}
+
+/// Errors, averaged over twelve phases, in the bursts after the one in which a lamp is switched off, relative to the lamp's mean light; `part` is
+/// the fraction of the lamp's light in that burst, and `day` the steady light, relative to the lamp's mean light.
+fn left_after_switch(rate_hz: f64, wave: impl Fn(f64) -> f64, day: f64, part: f64) -> [f64; 12] {
+    let mut left = [0.0; 12];
+    for start in 40..52 {
+        let mut sequence = Sequence::new(Lamps::Auto);
+        for burst in 0..=start + left.len() {
+            let seconds = burst as f64 * 3.0 / rate_hz;
+            let on = [1.0, part, 0.0][(burst + 1).saturating_sub(start).min(2)];
+            let (y, _) = sequence.burst(seconds, day * FULL + on * wave(seconds));
+            if let Some(left) = burst.checked_sub(start + 1).and_then(|after| left.get_mut(after)) {
+                *left += (y / FULL - day).abs() / 12.0;
+            }
+        }
+    }
+    left
+}
+
+#[test]
+fn most_light_of_a_lamp_that_is_switched_off_at_any_phase_is_gone_after_four_bursts() {
+    for (rate_hz, hz) in
+        [23.4, 28.2, 29.1, 58.2].into_iter().flat_map(|rate_hz| [(rate_hz, 100.0), (rate_hz, 120.0)])
+    {
+        let rectified = |seconds: f64| FULL * FRAC_PI_2 * (PI * hz * seconds + 0.3).sin().abs();
+        let sinusoid = |seconds| lamp(hz, seconds);
+        for (day, part) in [(0.0, 0.0), (0.0, 0.8), (1.0, 0.0), (1.0, 0.5)] {
+            for left in [
+                left_after_switch(rate_hz, rectified, day, part),
+                left_after_switch(rate_hz, sinusoid, day, part),
+            ] {
+                let late = left[4..].iter().copied().fold(0.0, f64::max);
+                assert!(
+                    late < 0.15 && left[11] < 0.01,
+                    "{hz} Hz at {rate_hz}, steady {day}, part {part}: {left:.3?}"
+                );
+            }
+        }
+    }
 }
