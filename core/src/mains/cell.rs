@@ -12,8 +12,8 @@ const STEADY: f32 = 4.0;
 const STEP_DEVIATIONS: f32 = 6.0;
 const STEP_SHARE: f32 = 0.05;
 
-/// Fraction of the amplitude of a modulation by which a value must differ from its prediction by the values before the last: the standard deviation
-/// of seven degrees of freedom is inexact, and a lamp that is switched off has most of the amplitude in every other burst at least.
+/// Fraction of the amplitude of a modulation by which a value must differ from its [`Prediction`] to count as a step: the standard deviation that
+/// seven degrees of freedom imply is inexact.
 const STEP_AMPLITUDE: f32 = 0.5;
 
 /// Difference between a value and the modulation of the last fit, relative to the mean, above which that modulation is discarded.
