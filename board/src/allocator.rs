@@ -60,24 +60,35 @@ pub fn restart_without_thread_caches() -> std::io::Result<()> {
 #[cfg(all(test, target_os = "linux", target_env = "gnu"))]
 pub(crate) mod tests {
     use super::*;
-    use std::sync::{Mutex, MutexGuard, PoisonError};
+    use std::process::Command;
 
-    static ONE_TEST: Mutex<()> = Mutex::new(());
+    /// Environment variable of the process of a single test.
+    const ALONE: &str = "HEMILUX_TEST_ALONE";
 
-    /// 50 MB of freed memory below a used block; one test at a time holds such memory.
+    /// Runs `body` as the only test of another process, because all tests of this process share its resident memory. `test` is the path of the
+    /// calling test in the crate.
+    pub(crate) fn alone(test: &str, body: impl FnOnce()) {
+        if std::env::var_os(ALONE).is_some() {
+            return body();
+        }
+        let program = std::env::current_exe().expect("the program of the tests");
+        let run = Command::new(program).args(["--exact", test]).env(ALONE, "1").output().expect("a process");
+        let output = String::from_utf8_lossy(&run.stdout);
+        assert!(run.status.success() && output.contains(" 1 passed"), "{output}");
+    }
+
+    /// 50 MB of freed memory below a used block.
     pub(crate) struct FreedMemory {
         _last: Option<Vec<u8>>,
         bytes_before: usize,
-        _lock: MutexGuard<'static, ()>,
     }
 
     impl FreedMemory {
         pub(crate) fn new() -> Self {
-            let lock = ONE_TEST.lock().unwrap_or_else(PoisonError::into_inner);
             let mut blocks: Vec<_> = (0..500).map(|_| vec![1_u8; 100_000]).collect();
             let last = blocks.pop();
             drop(blocks);
-            Self { _last: last, bytes_before: resident_bytes(), _lock: lock }
+            Self { _last: last, bytes_before: resident_bytes() }
         }
 
         pub(crate) fn is_returned(&self) -> bool {
@@ -100,9 +111,11 @@ pub(crate) mod tests {
 
     #[test]
     fn free_pages_below_a_used_block_return_to_the_system() {
-        let memory = FreedMemory::new();
-        assert!(!memory.is_returned());
-        return_free_pages();
-        assert!(memory.is_returned());
+        alone("allocator::tests::free_pages_below_a_used_block_return_to_the_system", || {
+            let memory = FreedMemory::new();
+            assert!(!memory.is_returned());
+            return_free_pages();
+            assert!(memory.is_returned());
+        });
     }
 }

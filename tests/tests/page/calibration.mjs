@@ -35,8 +35,9 @@ async function circle(page) {
   await page.click("#cal-find");
   const found = await until("a circle", async () => (await get(page)).circle);
   check(Math.abs(found.radius - 232.8) < 3 && Math.abs(found.centre[0] - 243.3) < 3, `found ${JSON.stringify(found)}`);
-  const handle = await page.waitForSelector("[data-handle=centre]"), box = await handle.boundingBox();
-  await page.mouse.move(box.x + box.width / 2, box.y + box.height / 2);
+  // Texts above the picture move the handle shortly after it appears; `hover` waits until it rests under the mouse.
+  await page.hover("[data-handle=centre]");
+  const box = await page.locator("[data-handle=centre]").boundingBox();
   await page.mouse.down();
   await page.mouse.move(box.x + box.width / 2 + 40, box.y + box.height / 2, { steps: 4 });
   await page.mouse.up();
@@ -152,7 +153,9 @@ export async function response(browser, url) {
   const found = await until("a circle", async () => (await get(page)).circle);
   check(Math.abs(found.radius - 239.5) < 4 && Math.abs(found.centre[0] - 239.5) < 4, `found ${JSON.stringify(found)}`);
   await page.locator("#cal-stage").scrollIntoViewIfNeeded();
-  const box = await (await page.waitForSelector("[data-handle=centre]")).boundingBox();
+  const handle = await page.waitForSelector("[data-handle=centre]");
+  await handle.waitForElementState("stable");
+  const box = await handle.boundingBox();
   const [x, y] = [box.x + box.width / 2, box.y + box.height / 2], finger = await context.newCDPSession(page);
   const touch = (type, ...touchPoints) => finger.send("Input.dispatchTouchEvent", { type, touchPoints });
   await touch("touchStart", { x, y });

@@ -225,20 +225,26 @@ pub(super) async fn stopped(stop: &mut watch::Receiver<bool>) {
 #[cfg(all(test, target_os = "linux", target_env = "gnu"))]
 mod tests {
     use super::*;
-    use crate::allocator::tests::FreedMemory;
+    use crate::allocator::tests::{FreedMemory, alone};
 
     #[test]
     fn after_a_thousand_answers_freed_memory_returns_to_the_system() {
-        let runtime = Builder::new_multi_thread().worker_threads(1).enable_time().build().expect("a runtime");
-        let counts = Arc::new(Counts::default());
-        runtime.spawn(return_memory(Arc::clone(&counts)));
-        let memory = FreedMemory::new();
-        (0..TRIM_ANSWERS).for_each(|_| counts.answered("/v1/lights", 200));
-        let began = Instant::now();
-        while !memory.is_returned() {
-            assert!(began.elapsed() < Duration::from_secs(30), "no memory was returned");
-            std::thread::sleep(Duration::from_millis(100));
-        }
-        runtime.shutdown_background();
+        alone(
+            "server::connection::tests::after_a_thousand_answers_freed_memory_returns_to_the_system",
+            || {
+                let runtime =
+                    Builder::new_multi_thread().worker_threads(1).enable_time().build().expect("a runtime");
+                let counts = Arc::new(Counts::default());
+                runtime.spawn(return_memory(Arc::clone(&counts)));
+                let memory = FreedMemory::new();
+                (0..TRIM_ANSWERS).for_each(|_| counts.answered("/v1/lights", 200));
+                let began = Instant::now();
+                while !memory.is_returned() {
+                    assert!(began.elapsed() < Duration::from_secs(30), "no memory was returned");
+                    std::thread::sleep(Duration::from_millis(100));
+                }
+                runtime.shutdown_background();
+            },
+        );
     }
 }
