@@ -16,6 +16,10 @@ const STEP_SHARE: f32 = 0.05;
 /// seven degrees of freedom imply is inexact.
 const STEP_AMPLITUDE: f32 = 0.5;
 
+/// Fraction of the amplitude of the modulation of the last fit by which a value must differ from this modulation for a comparison with its
+/// [`Prediction`]: half of [`STEP_AMPLITUDE`], because the modulations of both fits differ.
+const OFF_SHAPE: f32 = 0.25;
+
 /// Difference between a value and the modulation of the last fit, relative to the mean, above which that modulation is discarded.
 const OTHER_SHAPE: f32 = 0.2;
 
@@ -184,14 +188,23 @@ impl Fits {
     }
 
     /// Returns whether the newest value of `cell` differs from the modulation in the bursts before the last one: the light may have begun to change
-    /// in the last burst.
+    /// in the last burst. The prediction takes more work than a fit and is computed for values that differ from the stored modulation.
     fn departs(&self, cell: &Cell) -> bool {
-        let is_candidate = cell.has_shape() && self.window.age(cell.since) == WINDOW;
-        is_candidate
+        let is_full = cell.has_shape() && self.window.age(cell.since) == WINDOW;
+        is_full
+            && self.is_off(cell)
             && self.prediction.as_ref().is_some_and(|prediction| {
                 let newest = self.slots[0];
                 prediction.is_missed(&self.basis, &cell.past, newest, STEP_DEVIATIONS, STEP_AMPLITUDE)
             })
+    }
+
+    /// Returns whether the newest value of `cell` differs from the stored modulation by more than [`OFF_SHAPE`] of its amplitude.
+    fn is_off(&self, cell: &Cell) -> bool {
+        let newest = self.slots[0];
+        let off = cell.past[newest] - cell.level * self.light(cell, newest);
+        let squares = cell.shape.iter().map(|a| a * a).sum::<f32>();
+        off * off > OFF_SHAPE * OFF_SHAPE * squares * cell.level * cell.level
     }
 
     /// Returns the light of the stored modulation of `cell` in the burst at `slot`, relative to the mean of the modulation.

@@ -128,13 +128,15 @@ impl Fit {
         let mut amplitudes = [0.0; TERMS];
         amplitudes.iter_mut().zip(&self.rows).for_each(|(a, row)| *a = dot(row, past));
         let [mean, harmonics @ ..] = amplitudes;
-        let (mut wave, mut rest) = ([0.0; WINDOW], [0.0; WINDOW]);
-        for (slot, (wave, rest)) in wave.iter_mut().zip(&mut rest).enumerate() {
-            let at = basis.at(slot);
-            let [_, terms @ ..] = at;
-            *wave = self.mask[slot] * harmonics.iter().zip(terms).map(|(a, t)| a * t).sum::<f32>();
-            *rest = self.mask[slot] * (past[slot] - mean) - *wave;
+        // Loops over the bursts of one term at a time use vector instructions.
+        let (mut wave, mut rest) = ([0.0; WINDOW], *past);
+        let [_, terms @ ..] = &basis.0;
+        for (amplitude, term) in harmonics.iter().zip(terms) {
+            wave.iter_mut().zip(term).for_each(|(wave, term)| *wave += amplitude * term);
         }
+        wave.iter_mut().zip(&self.mask).for_each(|(wave, mask)| *wave *= mask);
+        rest.iter_mut().zip(&self.mask).for_each(|(rest, mask)| *rest = mask * (*rest - mean));
+        rest.iter_mut().zip(&wave).for_each(|(rest, wave)| *rest -= wave);
         let left = (1.0 - self.leverage).max(0.05);
         let (residual, squares) = (rest[newest % WINDOW], dot(&rest, &rest));
         Estimate {

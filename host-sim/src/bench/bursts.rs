@@ -9,6 +9,7 @@ use hemilux_core::Exposure;
 use hemilux_core::format::Format;
 use hemilux_core::lens::{Intrinsics, Lens, Model};
 use hemilux_core::{Levels, Response};
+use std::f64::consts::PI;
 
 /// Number of bursts that are processed in rotation; together they exceed a second-level cache.
 pub const BURSTS: usize = 8;
@@ -54,8 +55,20 @@ pub fn make(case: &Case) -> Vec<Burst> {
     make_of(case, scene::by_name("room").expect("a built-in scene"), BURSTS)
 }
 
-/// Interval of bursts of three exposures at 28 frames per second, nanoseconds.
-const INTERVAL_NS: u64 = 107_142_857;
+/// Interval of bursts, nanoseconds: three exposures at 28.2 frames per second. Successive bursts record [`BURSTS`] phases of a lamp of 100 Hz.
+const INTERVAL_NS: u64 = 106_250_000;
+
+/// Frequency and depth of the light of cases with [`Case::mains`].
+const LAMP_HZ: f64 = 100.0;
+const LAMP_DEPTH: f64 = 0.4;
+
+/// Returns the mean light of a lamp in frame `frame` of an exposure of `seconds`, relative to the mean over a period; frames are counted from the
+/// first of all bursts.
+fn light(frame: usize, seconds: f64) -> f64 {
+    let end = (1.0 + frame as f64 / SECONDS.len() as f64) * INTERVAL_NS as f64 * 1e-9;
+    let half = PI * LAMP_HZ * seconds;
+    1.0 + LAMP_DEPTH * half.sin() / half * (2.0 * PI * LAMP_HZ * end - half).cos()
+}
 
 /// Returns the burst for frame `frame`, in rotation, with the capture time of that frame.
 pub fn timed(bursts: &mut [Burst], frame: usize) -> &Burst {
@@ -64,8 +77,9 @@ pub fn timed(bursts: &mut [Burst], frame: usize) -> &Burst {
     burst
 }
 
-/// Returns `count` bursts of `scene`, which moves by a tenth of a second from burst to burst; capture times follow at the interval of three exposures
-/// at 28 frames per second. The bytes are the same in every run.
+/// Returns `count` bursts of `scene`, which moves by a tenth of a second from burst to burst, or flickers in cases with
+/// [`Case::mains`]; capture times follow at intervals of 106.25 ms. The bytes are the same in
+/// every run.
 #[must_use]
 pub fn make_of(case: &Case, scene: Scene, count: usize) -> Vec<Burst> {
     let c = calibration(case);
@@ -77,14 +91,16 @@ pub fn make_of(case: &Case, scene: Scene, count: usize) -> Vec<Burst> {
         .collect();
     let still: Vec<_> = directions.iter().map(|d| d.map_or([0.0; 3], |d| scene.still(d))).collect();
     let burst = |n: usize| {
-        let patches = scene.patches(0.1 * n as f32);
+        let light = |frame, seconds| if case.mains { light(frame, seconds) } else { 1.0 };
+        let patches = scene.patches(if case.mains { 0.0 } else { 0.1 * n as f32 });
         let over = |(rgb, d): (&[f32; 3], &Option<[f32; 3]>)| match d {
             Some(d) => patches.as_slice().iter().fold(*rgb, |behind, p| p.over(behind, *d)),
             None => *rgb,
         };
         let image: Vec<_> = still.iter().zip(&directions).map(over).collect();
         let frame = |(i, seconds): (usize, f64)| {
-            let codes = expose(&c, &image, seconds, (n * SECONDS.len() + i) as u32);
+            let frame = n * SECONDS.len() + i;
+            let codes = expose(&c, &image, seconds * light(frame, seconds), frame as u32);
             let pixels = Pixels::U8(pack(case.format, c.layout.width() as usize, &codes));
             Frame { exposure: Exposure { seconds, gain: 1.0 }, pixels }
         };
@@ -94,7 +110,7 @@ pub fn make_of(case: &Case, scene: Scene, count: usize) -> Vec<Burst> {
     (0..count).map(burst).collect()
 }
 
-/// Returns the RGB codes of an exposure of `seconds`, with read and photon noise whose seed is `seed`.
+/// Returns the RGB codes of an exposure of `seconds` to the radiance `image`, with read and photon noise whose seed is `seed`.
 fn expose(c: &Calibration, image: &[[f32; 3]], seconds: f64, seed: u32) -> Vec<[u16; 3]> {
     let (gain, range) = ((seconds / c.scale) as f32, (c.levels.white - c.levels.black) as f32);
     let gamma = c.response != Response::Linear;

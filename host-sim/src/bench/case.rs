@@ -30,6 +30,9 @@ const ALL: &str = "+all";
 /// Suffix of the format's name in cases with a set for every frame.
 const SLIDING: &str = "+sliding";
 
+/// Suffix of the format's name in cases of a scene whose light flickers at 100 Hz.
+const MAINS: &str = "+mains";
+
 /// Largest width or height of the frames of a benchmark case, pixels.
 const MAX_SIDE: u32 = 4096;
 
@@ -42,6 +45,8 @@ pub struct Case {
     pub merge: MergeMode,
     /// The frames that a set is computed from.
     pub window: WindowMode,
+    /// Whether all light flickers at 100 Hz, in place of a scene that moves.
+    pub mains: bool,
     /// Columns and rows of the frames, pixels.
     pub size: (u32, u32),
     /// Number of mosaic cells along each side of a merged pixel: 1, 2, 4 or 8.
@@ -72,7 +77,8 @@ impl fmt::Display for Case {
             (MergeMode::All, _) => ALL,
             _ => "",
         };
-        write!(f, "{}{mode}{bin}:{w}x{h}:{}{soft}:{}", self.format_name(), self.sampler, self.lights)
+        let mains = if self.mains { MAINS } else { "" };
+        write!(f, "{}{mode}{mains}{bin}:{w}x{h}:{}{soft}:{}", self.format_name(), self.sampler, self.lights)
     }
 }
 
@@ -85,6 +91,7 @@ impl FromStr for Case {
         let parts: Vec<_> = text.split(':').collect();
         let [format, size_text, sampler, lights] = parts[..] else { return Err(shape()) };
         let (format, bin) = format.split_once('/').unwrap_or((format, "1"));
+        let (format, mains) = format.strip_suffix(MAINS).map_or((format, false), |name| (name, true));
         let all = format.strip_suffix(ALL);
         let (format, merge) = all.map_or((format, MergeMode::Needed), |name| (name, MergeMode::All));
         let sliding = format.strip_suffix(SLIDING);
@@ -104,7 +111,7 @@ impl FromStr for Case {
         let lights = lights.parse().ok().filter(|n| (1..=MAX_LIGHTS).contains(n)).ok_or_else(shape)?;
         let layout = Layout::tight(format, size.0, size.1).and_then(|layout| layout.binned(bin));
         layout.map_err(|_| format!("bin '{bin}', expected 1, or 2, 4 or 8 for a Bayer mosaic"))?;
-        Ok(Self { format, merge, window, size, bin, sampler, soft, lights })
+        Ok(Self { format, merge, window, mains, size, bin, sampler, soft, lights })
     }
 }
 
@@ -116,6 +123,7 @@ impl Case {
             format,
             merge: MergeMode::Needed,
             window: WindowMode::Burst,
+            mains: false,
             size: (640, 480),
             bin: 1,
             sampler: SamplerKind::Q2Tree,
@@ -131,18 +139,15 @@ pub fn formats() -> Vec<Case> {
     FORMATS.into_iter().map(|(_, format)| Case::of_format(format)).collect()
 }
 
-/// Returns the cases of a report without `--case`: every sampler on RGB frames of 640x480, the other formats, larger frames, more lights.
+/// Returns the cases of a report without `--case`: every sampler on RGB frames of 640x480, the other formats, larger frames, more lights, light
+/// that flickers.
 #[must_use]
 pub fn standard() -> Vec<Case> {
     let case = |format: usize, size, sampler, lights| Case {
-        format: FORMATS[format].1,
-        merge: MergeMode::Needed,
-        window: WindowMode::Burst,
         size,
-        bin: 1,
         sampler,
-        soft: false,
         lights,
+        ..Case::of_format(FORMATS[format].1)
     };
     let vga = (640, 480);
     let mut cases = Vec::new();
@@ -154,5 +159,6 @@ pub fn standard() -> Vec<Case> {
     cases.extend((3..FORMATS.len()).map(|format| case(format, vga, SamplerKind::Q2Tree, 64)));
     cases.extend([(1280, 960), (2592, 1944)].map(|size| case(0, size, SamplerKind::Q2Tree, 64)));
     cases.extend([5_000, 50_000].map(|lights| case(0, vga, SamplerKind::Q2Tree, lights)));
+    cases.push(Case { mains: true, ..case(0, vga, SamplerKind::Q2Tree, 64) });
     cases
 }

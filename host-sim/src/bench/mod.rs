@@ -20,8 +20,8 @@ const LEAST_FRAMES: usize = 64;
 /// Least duration of the measurement of a benchmark case.
 const LEAST_TIME: Duration = Duration::from_millis(400);
 
-/// Number of frames before the first timed frame: each burst once.
-const WARM_UP: usize = BURSTS;
+/// Number of frames before the first timed frame, in which the flicker of a case with lamps is found.
+const WARM_UP: usize = 8 * BURSTS;
 
 /// Arguments of `bench`.
 #[derive(Clone, Debug)]

@@ -1,11 +1,11 @@
 //! Lights of a camera's JPEG frames, compared with the lights of its uncompressed frames.
 
 use hemilux::calibration::{Burst, Calibration, Frame, Pixels};
-use hemilux::pipeline::{Pipeline, Settings, WindowMode};
+use hemilux::pipeline::{Pipeline, Settings};
 use hemilux::v4l2::Size;
 use hemilux::v4l2::jpeg::Jpeg;
 use hemilux_core::format::{Format, Layout, Matrix, Yuv};
-use hemilux_core::{MergeMode, SamplerKind, Samples, read_rgb_row};
+use hemilux_core::{SamplerKind, Samples, read_rgb_row};
 use hemilux_sim::bench::{Case, bursts};
 use hemilux_sim::contender::judged;
 use hemilux_sim::env::EnvMap;
@@ -69,16 +69,7 @@ fn jpeg_frames_of_quality_85_give_the_lights_of_yuyv_frames_within_1_5_percent()
     let yuv = Yuv { limited: false, matrix: Matrix::Bt601 };
     let reference = Reference::new(&EnvMap::from_fn(64, 32, |_| [1.0; 3]), Domain::Hemisphere);
     for size in [(640, 480), (1280, 720), (1920, 1080)] {
-        let case = Case {
-            format: Format::Yuyv(yuv),
-            merge: MergeMode::Needed,
-            window: WindowMode::Burst,
-            size,
-            bin: 1,
-            sampler: SamplerKind::Q2Tree,
-            soft: false,
-            lights: LIGHTS,
-        };
+        let case = Case { size, lights: LIGHTS, ..Case::of_format(Format::Yuyv(yuv)) };
         let (calibration, burst) = (bursts::calibration(&case), &bursts::make(&case)[0]);
         let plain = lights(&calibration, burst);
         let (calibration, burst) = compressed(&calibration, burst, 85);

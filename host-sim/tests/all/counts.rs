@@ -87,7 +87,7 @@ fn readmes_have_the_instruction_counts_of_the_baseline() {
 }
 
 #[test]
-fn readmes_have_the_counts_of_all_exposures_and_of_a_sliding_window() {
+fn readmes_have_the_counts_of_all_exposures_of_a_sliding_window_and_of_flicker() {
     let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
     let read = |name: &str| read_to_string(format!("{root}/{name}")).expect(name);
     let (baseline, top, core) =
@@ -102,6 +102,7 @@ fn readmes_have_the_counts_of_all_exposures_and_of_a_sliding_window() {
         ("yuyv+all", "YUYV, `q2tree`, `MergeMode::All`"),
         ("rgb24+sliding", "RGB24, `q2tree`, one frame of a `Window`"),
         ("yuyv+sliding", "YUYV, `q2tree`, one frame of a `Window`"),
+        ("rgb24+mains", "RGB24, `q2tree`, all light flickers at 100 Hz"),
     ];
     for (case, name) in names {
         let own = counts(case);

@@ -1,9 +1,7 @@
 //! Replay of raw recordings of the form that `hemilux record` writes.
 
 use hemilux::calibration::{Calibration, Pixels};
-use hemilux::pipeline::WindowMode;
 use hemilux_core::format::{Format, Yuv};
-use hemilux_core::{MergeMode, SamplerKind};
 use hemilux_sim::bench::{Case, bursts};
 use serde_json::Value;
 use std::fmt::Write;
@@ -53,16 +51,7 @@ fn replay(fourcc: &str) -> Value {
     let yuv = Yuv { limited: true, ..Yuv::default() };
     let name: [u8; 4] = fourcc.as_bytes().try_into().expect("four characters");
     let format = Format::from_fourcc(name, yuv).expect("a format that is read");
-    let case = Case {
-        format,
-        merge: MergeMode::Needed,
-        window: WindowMode::Burst,
-        size: (320, 240),
-        bin: 1,
-        sampler: SamplerKind::Q2Tree,
-        soft: false,
-        lights: 64,
-    };
+    let case = Case { size: (320, 240), ..Case::of_format(format) };
     let folder = tempfile::tempdir().expect("a folder");
     record(&case, fourcc, folder.path());
     let program = Command::new(env!("CARGO_BIN_EXE_hemilux-sim"))

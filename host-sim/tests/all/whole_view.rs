@@ -1,8 +1,8 @@
 //! Lights of a sensor's binned full-size frames, compared with the lights of its 640 x 480 mode.
 
-use hemilux::pipeline::{Pipeline, Settings, WindowMode};
+use hemilux::pipeline::{Pipeline, Settings};
+use hemilux_core::SamplerKind;
 use hemilux_core::format::{Format, Pattern};
-use hemilux_core::{MergeMode, SamplerKind};
 use hemilux_sim::bench::{Case, bursts};
 use hemilux_sim::contender::judged;
 use hemilux_sim::env::EnvMap;
@@ -10,16 +10,7 @@ use hemilux_sim::metrics::{Domain, LitSet, Reading, Reference};
 
 fn lights(size: (u32, u32), bin: u32) -> LitSet {
     let format = Format::Raw10(Pattern::Rggb);
-    let case = Case {
-        format,
-        merge: MergeMode::Needed,
-        window: WindowMode::Burst,
-        size,
-        bin,
-        sampler: SamplerKind::Q2Tree,
-        soft: false,
-        lights: 200,
-    };
+    let case = Case { size, bin, lights: 200, ..Case::of_format(format) };
     let (calibration, burst) = (bursts::calibration(&case), &bursts::make(&case)[0]);
     let exposures: Vec<_> = burst.frames.iter().map(|f| f.exposure).collect();
     let settings = Settings { sampler: SamplerKind::Q2Tree, soft: false, lights: 200, ..Settings::default() };
