@@ -18,6 +18,10 @@ const DOUBTFUL: f32 = 1.5;
 /// Number of standard deviations from the running mean beyond which a ratio of exposures is wrong.
 pub(super) const DEVIATIONS: f32 = 4.0;
 
+/// Factor of the running variance up to which the deviation of a wrong ratio counts. A phase of flickering light that was wrong once is then usual,
+/// and wrong exposures in a tenth of the bursts do not hide each other.
+const OUTLIER: f32 = 8.0;
+
 /// Excess of the share of different samples over the running mean of this share from which two frames show different scenes.
 const MOVED: f32 = 0.2;
 
@@ -75,6 +79,8 @@ pub(super) struct History {
     contradictions: Contradictions,
     /// Number of bursts without an unusual contradiction since the last one in which the pair could not be compared.
     compared: u32,
+    /// Number of bursts that were added to the running means since [`History::widen`].
+    since_wide: u32,
     /// True if the pair could be compared in the last burst.
     is_comparable: bool,
 }
@@ -90,6 +96,7 @@ impl History {
             parts: self.parts.max(other.parts),
             contradictions: self.contradictions.larger(other.contradictions),
             compared: 0,
+            since_wide: 0,
             is_comparable: false,
         }
     }
@@ -120,6 +127,8 @@ impl History {
             if self.is_plausible(log_ratio) || self.compared >= KNOWN {
                 self.add(seen, log_ratio);
             }
+        } else if found == Contradiction::Unusual(FrameFault::WrongExposure) && self.since_wide >= KNOWN {
+            self.widen(log_ratio);
         }
         found
     }
@@ -144,7 +153,16 @@ impl History {
         }
     }
 
+    /// Adds a wrong ratio to the running variance, up to [`OUTLIER`]. In dark light, a pair may be comparable only in bursts with a fault: the ratios
+    /// of at least [`KNOWN`] bursts without a fault come before each wrong one.
+    fn widen(&mut self, log_ratio: f32) {
+        let off = log_ratio - self.mean;
+        self.variance += NEW * ((off * off).min(OUTLIER * self.variance) - self.variance);
+        self.since_wide = 0;
+    }
+
     fn add(&mut self, seen: &Comparison, log_ratio: f32) {
+        self.since_wide = self.since_wide.saturating_add(1);
         self.bursts = self.bursts.saturating_add(1);
         let new = NEW.max(1.0 / self.bursts as f32);
         let off = log_ratio - self.mean;
@@ -152,5 +170,62 @@ impl History {
         self.variance = (1.0 - new) * (self.variance + new * off * off);
         self.away += new * (seen.away - self.away);
         self.parts += new * (seen.parts * seen.parts - self.parts);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::TAU;
+
+    fn of_ratio(log_ratio: Option<f32>) -> Comparison {
+        let mut comparison = Comparison::default();
+        comparison.log_ratio = log_ratio;
+        comparison
+    }
+
+    /// Mean light in an exposure of `seconds` that ends after `end` periods of a lamp of 100 Hz, relative to the mean over a period.
+    fn light(depth: f64, end: f64, seconds: f64) -> f64 {
+        let half = TAU / 2.0 * 100.0 * seconds;
+        1.0 + depth * half.sin() / half * (TAU * end - half).cos()
+    }
+
+    /// Returns the comparison of exposures of 0.926 and 5.555 ms in burst `burst` of a room under a lamp at 28.2 frames per second: eight phases
+    /// follow each other, and in three of them too few samples can be compared.
+    fn compared(depth: f64, burst: usize) -> Comparison {
+        let (end, frame) = (10.625 * (burst + 1) as f64, 10.625 / 3.0);
+        let ratio = light(depth, end, 0.926e-3) / light(depth, end + frame, 5.555e-3);
+        let log_ratio = (!matches!(burst % 8, 0 | 2 | 5)).then_some(ratio.ln() as f32);
+        of_ratio(log_ratio)
+    }
+
+    #[test]
+    fn the_phases_of_a_lamp_become_usual_and_other_ratios_do_not() {
+        for depth in [0.1, 0.2, 0.3, 0.4, 0.6, 0.8] {
+            let mut history = History::default();
+            let last = (0..400)
+                .filter(|burst| matches!(history.judge(&compared(depth, *burst)), Contradiction::Unusual(_)));
+            let last = last.last().unwrap_or(0);
+            assert!(last < 120, "depth {depth}: the phase of burst {last} is called wrong");
+            if depth <= 0.4 {
+                let wrong = of_ratio(Some(6f32.ln()));
+                assert_eq!(
+                    history.judge(&wrong),
+                    Contradiction::Unusual(FrameFault::WrongExposure),
+                    "{depth}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_tenth_of_wrong_ratios_does_not_become_usual() {
+        let mut history = History::default();
+        for burst in 0..4000_u32 {
+            let is_wrong = burst > 10 && burst.wrapping_mul(2_654_435_761) >> 16 < 6554;
+            let log_ratio = if is_wrong { 1.5f32.ln() } else { 0.01 * (burst % 5) as f32 };
+            let found = history.judge(&of_ratio(Some(log_ratio)));
+            assert_eq!(matches!(found, Contradiction::Unusual(_)), is_wrong, "burst {burst}");
+        }
     }
 }

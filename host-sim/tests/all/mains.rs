@@ -4,6 +4,8 @@ use crate::common::{sim_ok, text};
 use hemilux::pipeline::{Pipeline, Processed, Settings};
 use hemilux_core::MergeMode;
 use hemilux_core::mains::{Flicker, Lamps};
+use hemilux_core::wire::FramesLeftOut;
+use hemilux_sim::bench::bursts;
 use hemilux_sim::burst::{Sensor, THESIS_EXPOSURES_S};
 use hemilux_sim::env::EnvMap;
 use hemilux_sim::metrics::stability::LightSource;
@@ -212,5 +214,19 @@ fn flicker_of_a_recorded_sequence_is_removed_with_and_without_time_stamps() {
         assert!(off < 0.025 && flicker < 0.01, "{name}: off {off}, flicker {flicker}");
         let is_told = has_times || !arguments.is_empty();
         assert_eq!(last["frequency_hz"].as_f64().map(f64::round), is_told.then_some(hz), "{name}");
+    }
+}
+
+#[test]
+fn no_frame_of_a_room_whose_whole_light_flickers_is_left_out_after_eight_seconds() {
+    let case = "rgb24+mains:320x240:q2tree:64".parse().expect("a case");
+    let mut bursts = bursts::make(&case);
+    let exposures: Vec<_> = bursts[0].frames.iter().map(|frame| frame.exposure).collect();
+    let mut pipeline =
+        Pipeline::try_new(bursts::calibration(&case), &exposures, Settings::default()).unwrap();
+    for burst in 0..160 {
+        let processed = pipeline.process(bursts::timed(&mut bursts, burst)).unwrap();
+        assert!(burst < 80 || processed.frames_left_out == FramesLeftOut::NONE, "burst {burst}");
+        assert!(burst < 80 || processed.flicker.share > 0.9, "burst {burst}: {:?}", processed.flicker);
     }
 }
