@@ -18,9 +18,9 @@ const DOUBTFUL: f32 = 1.5;
 /// Number of standard deviations from the running mean beyond which a ratio of exposures is wrong.
 pub(super) const DEVIATIONS: f32 = 4.0;
 
-/// Factor of the running variance up to which the deviation of a wrong ratio counts. A phase of flickering light that was wrong once is then usual,
-/// and wrong exposures in a tenth of the bursts do not hide each other.
-const OUTLIER: f32 = 8.0;
+/// Factor of a running variance up to which the square of an unusual deviation counts. A phase of flickering light that was wrong once is then usual,
+/// and wrong exposures in a tenth of the bursts, or a false frame that is no jump, do not hide the next ones.
+pub(super) const OUTLIER: f32 = 8.0;
 
 /// Excess of the share of different samples over the running mean of this share from which two frames show different scenes.
 const MOVED: f32 = 0.2;

@@ -1,7 +1,7 @@
 //! Jumps of the light of rows: changes from burst to burst as false frames show them, against the usual changes.
 
 use super::compare::median;
-use super::history::{Contradictions, DEVIATIONS, NEW};
+use super::history::{Contradictions, DEVIATIONS, NEW, OUTLIER};
 use super::samples::{ROWS, RowSet, SATURATED, Sampled};
 use hemilux_core::wire::FrameFault;
 
@@ -19,9 +19,6 @@ const PART_ROWS: usize = 3;
 
 /// Number of jumping rows that other exposures must confirm. A tear may cross one row.
 const CONFIRMED: usize = 2;
-
-/// Factor of a row's running variance up to which a burst counts: a false frame that is no jump does not hide the next one.
-const OUTLIER: f32 = 8.0;
 
 /// Returns the number of rows with a value.
 pub(super) fn measured<T>(rows: &[Option<T>; ROWS]) -> usize {
