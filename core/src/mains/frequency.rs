@@ -42,6 +42,10 @@ const LOST: f32 = 0.35;
 const FOUND_WAVEFORM: f32 = 0.9;
 const LEAST_FUNDAMENTAL: f32 = 0.5;
 
+/// Least fraction of the variance of the sum of all regions that a frequency must explain to be locked with a full window if it does not explain
+/// the variance of the single regions. Independent values reach this fraction by chance in one of a million windows.
+const FOUND_IN_SUM: f32 = 0.9;
+
 /// Largest fraction of the variance that a single burst may cause if a frequency is to be locked. In eight bursts of a sinusoid it is a
 /// quarter on average; in eight steady bursts and a false one, seven eighths.
 const MOST_OF_ONE: f32 = 0.7;
@@ -138,9 +142,14 @@ impl Lock {
 
     /// Follows the drift of the frequency; returns `None` once the frequency no longer explains the light.
     pub fn follow(mut self, window: &Window, regions: &[Cell]) -> Option<Self> {
-        let score =
-            |offset: f64| explained(window, regions, self.frequency + offset * self.step, Fit::fundamental);
-        let found = score(0.0);
+        let score_of = |regions: &[Cell], offset: f64| {
+            explained(window, regions, self.frequency + offset * self.step, Fit::fundamental)
+        };
+        let sum = [sum(regions)];
+        let [of_regions, of_sum] = [regions, &sum].map(|regions| score_of(regions, 0.0));
+        let is_of_sum = of_sum > of_regions && of_sum > Some(FOUND[1]);
+        let (found, regions) = if is_of_sum { (of_sum, &sum[..]) } else { (of_regions, regions) };
+        let score = |offset: f64| score_of(regions, offset);
         let here = found.unwrap_or(0.0);
         // Light that is off or has just changed is not evidence against the frequency.
         let doubt = if found.is_some() { UNKNOWN } else { 1 };
@@ -156,13 +165,34 @@ impl Lock {
     }
 }
 
-/// Returns the frequency that explains the variance of the regions best, if it explains enough. `has_times` states whether the times of
-/// `window` are in seconds.
+/// Returns the frequency that explains the variance of the regions best, if it explains enough; otherwise the frequency that explains nearly all
+/// of the variance of their sum: light that moves from region to region hides the modulation of each, but not of the sum. `has_times` states
+/// whether the times of `window` are in seconds.
 pub(super) fn find(window: &Window, regions: &[Cell], lamps: Lamps, has_times: bool) -> Option<Lock> {
     let is_due = window.count() >= FEWEST && window.number().is_multiple_of(SEARCH_EVERY);
     if lamps == Lamps::Off || !is_due || !varies(window, regions) {
         return None;
     }
+    let sum = [sum(regions)];
+    if is_of_one_burst(window, &sum[0]) {
+        return None;
+    }
+    let has_many = window.count() >= MANY;
+    let is_waveform = |lock: &Lock| {
+        explained(window, regions, lock.frequency, Fit::new).is_some_and(|share| share > FOUND_WAVEFORM)
+    };
+    let is_found = |(score, lock): &(f32, Lock)| {
+        *score > FOUND[usize::from(has_many)] || (has_many && *score > LEAST_FUNDAMENTAL && is_waveform(lock))
+    };
+    let of_sum = || best(window, &sum, lamps, has_times).filter(|(score, _)| *score > FOUND_IN_SUM);
+    let found = best(window, regions, lamps, has_times).filter(is_found);
+    let found = found.or_else(|| if window.count() >= WINDOW { of_sum() } else { None });
+    found.map(|(_, lock)| lock)
+}
+
+/// Returns the frequency whose fundamental explains the variance of the regions best, and the explained fraction, which is less for frequencies
+/// off the nominal ones.
+fn best(window: &Window, regions: &[Cell], lamps: Lamps, has_times: bool) -> Option<(f32, Lock)> {
     let mut best: Option<(f32, Lock)> = None;
     let mut consider = |lock: Lock, off: i32| {
         if has_times && !advances(window, lock.frequency) {
@@ -195,25 +225,23 @@ pub(super) fn find(window: &Window, regions: &[Cell], lamps: Lamps, has_times: b
             consider(Lock::new(frequency, PER_BURST, 0.5 * STEP_PER_BURST), 0);
         });
     }
-    let has_many = window.count() >= MANY;
-    let is_waveform = |lock: &Lock| {
-        explained(window, regions, lock.frequency, Fit::new).is_some_and(|share| share > FOUND_WAVEFORM)
-    };
-    let is_found = |(score, lock): &(f32, Lock)| {
-        *score > FOUND[usize::from(has_many)] || (has_many && *score > LEAST_FUNDAMENTAL && is_waveform(lock))
-    };
-    best.filter(is_found).map(|(_, lock)| lock).filter(|_| !is_of_one_burst(window, regions))
+    best
 }
 
-/// Returns whether the light of all regions together varies in a single burst alone, which no waveform explains better than a fault.
-fn is_of_one_burst(window: &Window, regions: &[Cell]) -> bool {
-    let mut sums = Cell::default();
+/// Returns a region with the energies of all regions together.
+fn sum(regions: &[Cell]) -> Cell {
+    let mut sum = Cell::default();
     for region in regions {
-        sums.past.iter_mut().zip(region.past).for_each(|(sum, energy)| *sum += energy);
+        sum.past.iter_mut().zip(region.past).for_each(|(sum, energy)| *sum += energy);
     }
+    sum
+}
+
+/// Returns whether `sum`, the light of all regions together, varies in a single burst alone, which no waveform explains better than a fault.
+fn is_of_one_burst(window: &Window, sum: &Cell) -> bool {
     let bursts = window.count();
-    let Variation { mean, squares } = Variation::of(&sums, bursts);
-    let square = |back: usize| (sums.past[window.slot(back)] - mean) * (sums.past[window.slot(back)] - mean);
+    let Variation { mean, squares } = Variation::of(sum, bursts);
+    let square = |back: usize| (sum.past[window.slot(back)] - mean) * (sum.past[window.slot(back)] - mean);
     (0..bursts).any(|back| square(back) > MOST_OF_ONE * squares)
 }
 

@@ -297,6 +297,34 @@ fn light_without_a_period_is_taken_for_flicker_in_few_sequences() {
     }
 }
 
+/// Twenty patches have new places in each burst, so that the light of most regions does not have the waveform of the lamp that lights them; the
+/// sum of all light has it.
+#[test]
+fn a_lamp_whose_light_moves_from_region_to_region_is_found_in_the_sum() {
+    for (hz, depth) in [(100.0, 0.3), (100.0, 0.6), (120.0, 0.3), (120.0, 0.6)] {
+        let (mut sequence, mut noise) = (Sequence::new(Lamps::Auto), Noise(7));
+        let mut found = Flicker::NONE;
+        for burst in 0..40 {
+            let seconds = f64::from(burst) * 3.0 / 28.2;
+            let light = (1.0 + depth * (TAU * hz * seconds).cos()) as f32;
+            sequence.fill(f64::from(STEADY * light));
+            let texels = sequence.map.texels_mut();
+            texels
+                .iter_mut()
+                .for_each(|quad| *quad = Quad::from_light([STEADY * light; 3], quad.mean_direction()));
+            for _ in 0..20 {
+                let index = ((0.5 + 0.499 * noise.next()) * texels.len() as f64) as usize;
+                texels[index] = Quad::from_light([light; 3], texels[index].mean_direction());
+            }
+            sequence.map.build();
+            found = sequence.mains.update(&mut sequence.map, Some(seconds));
+            let is_found = found.frequency_hz.is_some_and(|found| (f64::from(found) - hz).abs() < 0.5);
+            assert!(burst < 20 || is_found, "{hz} Hz, depth {depth}, burst {burst}: {found:?}");
+        }
+        eprintln!("{hz} Hz, depth {depth}: {found:?}");
+    }
+}
+
 /// Three tenths of the bursts are missing, so that the phases of some windows are unevenly distributed.
 #[test]
 fn a_single_false_burst_is_not_taken_for_flicker() {
