@@ -40,14 +40,17 @@ const SEEN: f32 = 40.0;
 /// Ratio of a mean to the mean of the last modulated fit above which both means are of the same lamp.
 const SAME_LIGHT: f32 = 0.5;
 
-/// Factor per burst by which the mean of the last modulated fit is reduced, so that an old mean loses its effect.
-const FORGETTING: f32 = 0.99;
+/// Factor per fit by which the mean of the last modulated fit is reduced, so that an old mean loses its effect.
+const FORGETTING: f32 = 0.97;
+
+/// Number of bursts from one fit of a cell to the next while the values of the cell are those of its last fit.
+pub(super) const FIT_EVERY: usize = 4;
 
 /// Number of amplitudes of the harmonics in a fit: cosine and sine of each.
 const SHAPE: usize = TERMS - 1;
 
 /// Weight of the newest fit in the mean of the means of successive fits.
-const NEW_LEVEL: f32 = 1.0 / 8.0;
+const NEW_LEVEL: f32 = 1.0 / 4.0;
 
 /// The energies of a cell in the last bursts, and its modulation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -61,6 +64,8 @@ pub struct Cell {
     pub(super) colour: [f32; 3],
     /// Mean luminance energy of the last fits with a significant modulation ([`Cell::smoothed`]).
     pub(super) level: f32,
+    /// Mean luminance energy of the last fit; 0 if that fit had no significant modulation.
+    pub(super) fitted: f32,
     /// Number of the last burst before the cell's last step.
     pub(super) since: u32,
 }
@@ -69,6 +74,12 @@ impl Cell {
     /// Returns whether the cell has a modulation from an earlier fit.
     pub(super) fn has_shape(&self) -> bool {
         self.shape != [0.0; SHAPE]
+    }
+
+    /// Returns the amplitude of the fundamental of the stored modulation, relative to the mean.
+    fn depth(&self) -> f32 {
+        let [cos, sin, ..] = self.shape;
+        libm::sqrtf(cos * cos + sin * sin)
     }
 
     /// Returns the mean of the fits of successive bursts, of which `found` is the newest. It differs from the mean of `found` by at
@@ -146,7 +157,25 @@ impl Fits {
 
     /// Returns the energy without modulation of a cell or region; `None` if it is steady, dark, or not determined yet. A cell of a
     /// modulated region (`in_region`) is corrected even if its modulation is below the noise.
-    pub fn level(&self, cell: &mut Cell, in_region: bool) -> Option<Level> {
+    ///
+    /// A cell that is not `due` for a fit, and whose newest value is that of its last fit, has the mean of that fit.
+    pub fn level(&self, cell: &mut Cell, in_region: bool, due: bool) -> Option<Level> {
+        if !due && self.keeps_fit(cell) {
+            return Some(Level { y: cell.fitted, depth: cell.depth(), is_modulated: true });
+        }
+        let found = self.fit_level(cell, in_region);
+        cell.fitted = found.filter(|level| level.is_modulated).map_or(0.0, |level| level.y);
+        found
+    }
+
+    /// Returns whether the newest value of `cell` is that of its last fit.
+    fn keeps_fit(&self, cell: &Cell) -> bool {
+        let is_of_full_window = self.window.age(cell.since) == WINDOW && !self.is_reselected;
+        is_of_full_window && cell.fitted > 0.0 && cell.has_shape() && !self.is_off(cell, cell.fitted)
+    }
+
+    /// Returns [`Fits::level`] from a fit to the last bursts.
+    fn fit_level(&self, cell: &mut Cell, in_region: bool) -> Option<Level> {
         let Some(fit) = self.of(self.window.age(cell.since)) else { return self.of_known_shape(cell) };
         let newest = self.slots[0];
         let found = fit.estimate(&self.basis, &cell.past, newest);
@@ -192,19 +221,20 @@ impl Fits {
     fn departs(&self, cell: &Cell) -> bool {
         let is_full = cell.has_shape() && self.window.age(cell.since) == WINDOW;
         is_full
-            && self.is_off(cell)
+            && self.is_off(cell, cell.level)
             && self.prediction.as_ref().is_some_and(|prediction| {
                 let newest = self.slots[0];
                 prediction.is_missed(&self.basis, &cell.past, newest, STEP_DEVIATIONS, STEP_AMPLITUDE)
             })
     }
 
-    /// Returns whether the newest value of `cell` differs from the stored modulation by more than [`OFF_SHAPE`] of its amplitude.
-    fn is_off(&self, cell: &Cell) -> bool {
+    /// Returns whether the newest value of `cell` differs from the stored modulation of the mean `mean` by more than [`OFF_SHAPE`] of its
+    /// amplitude.
+    fn is_off(&self, cell: &Cell, mean: f32) -> bool {
         let newest = self.slots[0];
-        let off = cell.past[newest] - cell.level * self.light(cell, newest);
+        let off = cell.past[newest] - mean * self.light(cell, newest);
         let squares = cell.shape.iter().map(|a| a * a).sum::<f32>();
-        off * off > OFF_SHAPE * OFF_SHAPE * squares * cell.level * cell.level
+        off * off > OFF_SHAPE * OFF_SHAPE * squares * mean * mean
     }
 
     /// Returns the light of the stored modulation of `cell` in the burst at `slot`, relative to the mean of the modulation.
@@ -240,8 +270,7 @@ impl Fits {
             cell.since = self.window.number().wrapping_sub(1);
             return None;
         }
-        let [cos, sin, ..] = cell.shape;
-        Some(Level { y: mean.max(0.0), depth: libm::hypotf(cos, sin), is_modulated: true })
+        Some(Level { y: mean.max(0.0), depth: cell.depth(), is_modulated: true })
     }
 }
 

@@ -126,12 +126,13 @@ impl Fit {
     /// Fits the values `past` of a cell; `newest` is the slot of the newest burst.
     pub fn estimate(&self, basis: &Basis, past: &PastValues, newest: usize) -> Estimate {
         let mut amplitudes = [0.0; TERMS];
-        amplitudes.iter_mut().zip(&self.rows).for_each(|(a, row)| *a = dot(row, past));
+        let used = amplitudes.iter_mut().zip(&self.rows).take(self.terms);
+        used.for_each(|(a, row)| *a = dot(row, past));
         let [mean, harmonics @ ..] = amplitudes;
         // Loops over the bursts of one term at a time use vector instructions.
         let (mut wave, mut rest) = ([0.0; WINDOW], *past);
         let [_, terms @ ..] = &basis.0;
-        for (amplitude, term) in harmonics.iter().zip(terms) {
+        for (amplitude, term) in harmonics.iter().zip(terms).take(self.terms - 1) {
             wave.iter_mut().zip(term).for_each(|(wave, term)| *wave += amplitude * term);
         }
         wave.iter_mut().zip(&self.mask).for_each(|(wave, mask)| *wave *= mask);
@@ -197,7 +198,10 @@ impl Prediction {
         let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
         for [_, terms @ ..] in &self.near {
             let wave = found.harmonics.iter().zip(terms).map(|(a, t)| a * t).sum::<f32>();
-            (low, high) = (low.min(found.mean + wave), high.max(found.mean + wave));
+            let y = found.mean + wave;
+            // `f32::min` calls a function on ARMv7.
+            low = if y < low { y } else { low };
+            high = if y > high { y } else { high };
         }
         let y = past[newest % WINDOW];
         let off = (low - y).max(y - high).max(0.0);
@@ -253,7 +257,7 @@ impl Estimate {
     /// Returns the amplitude of the fundamental, relative to the mean.
     pub fn depth(&self) -> f32 {
         let [cos, sin, ..] = self.harmonics;
-        if self.mean > 0.0 { libm::hypotf(cos, sin) / self.mean } else { 0.0 }
+        if self.mean > 0.0 { libm::sqrtf(cos * cos + sin * sin) / self.mean } else { 0.0 }
     }
 
     /// Returns the variance of the residuals of the fit.

@@ -46,7 +46,7 @@ use crate::buffer::{self, Buffer, TooSmall};
 use crate::healpix::{Domain, Order};
 use crate::pyramid::{Pyramid, Quad};
 pub use cell::Cell;
-use cell::{Fits, Level};
+use cell::{FIT_EVERY, Fits, Level};
 pub use frequency::Lamps;
 use frequency::Lock;
 pub use rate::{best_rate, best_rate_of_any, whole_periods};
@@ -219,7 +219,9 @@ impl<B: Buffer<Cell>> Mains<B> {
         match self.state.follow(cells) {
             Some(lock) => {
                 let fits = self.state.fits_at(&lock);
-                self.state.replace_levels(map, &lock, cells, |cell, in_region| fits.level(cell, in_region))
+                self.state.replace_levels(map, &lock, cells, |cell, in_region, due| {
+                    fits.level(cell, in_region, due)
+                })
             }
             None => Flicker::default(),
         }
@@ -237,9 +239,9 @@ impl<B: Buffer<Cell>> Mains<B> {
         match self.state.lock {
             Some(lock) => {
                 let fits = self.state.fits_at(&lock);
-                self.state.replace_levels(map, &lock, self.cells.as_mut(), |cell, in_region| {
+                self.state.replace_levels(map, &lock, self.cells.as_mut(), |cell, in_region, _| {
                     let mut copy = *cell;
-                    fits.level(&mut copy, in_region).filter(|level| level.is_modulated)
+                    fits.level(&mut copy, in_region, false).filter(|level| level.is_modulated)
                 })
             }
             None => Flicker::default(),
@@ -331,13 +333,14 @@ impl MainsState {
         Fits::new(&self.window, lock.phase, lock.frequency, is_reselected)
     }
 
-    /// Replaces the energy of each cell for which `level` returns one; its second argument is whether the cell's region is modulated.
+    /// Replaces the energy of each cell for which `level` returns one; its second argument is whether the cell's region is modulated, its third
+    /// whether the cell is due for a fit.
     fn replace_levels<Q: Buffer<Quad>>(
         &self,
         map: &mut Pyramid<Q>,
         lock: &Lock,
         cells: &mut [Cell],
-        level: impl Fn(&mut Cell, bool) -> Option<Level>,
+        level: impl Fn(&mut Cell, bool, bool) -> Option<Level>,
     ) -> Flicker {
         let Divided { cells, regions } = self.divide(cells);
         let (order, mut sums) = (self.order, Corrected::default());
@@ -345,12 +348,13 @@ impl MainsState {
         let many = 1 << (2 * (order - region_order(order)));
         for (region, (index, cells)) in regions.iter_mut().zip(cells.chunks_mut(many).enumerate()) {
             let first = many * index;
-            let in_region = level(region, false).is_some();
+            let in_region = level(region, false, true).is_some();
             if !in_region && !region.has_shape() {
                 continue;
             }
             for (index, cell) in cells.iter_mut().enumerate() {
-                let Some(level) = level(cell, in_region) else { continue };
+                let due = (index + self.window.number() as usize).is_multiple_of(FIT_EVERY);
+                let Some(level) = level(cell, in_region, due) else { continue };
                 let texels = ((first + index) << below)..((first + index + 1) << below);
                 let Some(texels) = map.texels_mut().get_mut(texels) else { continue };
                 replace(texels, &level, cell, CellIndex { order, cell: (first + index) as u32 });
