@@ -1,6 +1,7 @@
 //! OpenEXR files: scan lines and tiles, single-part and multi-part, flat images.
 
 mod colours;
+mod dwa;
 mod layers;
 mod pixels;
 

@@ -1,8 +1,8 @@
 //! Decompression of the blocks of one part of an OpenEXR file into a window.
 
 use super::super::{Raster, Refusal};
-use super::EXPECTED;
 use super::layers::Layer;
+use super::{EXPECTED, dwa};
 use exr::block::UncompressedBlock;
 use exr::block::reader::{ChunksReader, Reader};
 use exr::meta::attribute::{IntegerBounds, SampleType};
@@ -23,14 +23,18 @@ pub(super) fn decode(
     let wanted = |index: exr::block::BlockIndex| {
         index.layer == layer.part && index.level.x() == 0 && index.level.y() == 0
     };
-    let chunks = reader.filter_chunks(false, |_, _, index| wanted(index)).map_err(refused)?;
+    let mut chunks = reader.filter_chunks(false, |_, _, index| wanted(index)).map_err(refused)?;
     let place = WindowOffset {
         x: i64::from(header.own_attributes.layer_position.x()) - i64::from(window.position.x()),
         y: i64::from(header.own_attributes.layer_position.y()) - i64::from(window.position.y()),
     };
     let (mut places, mut pixels) = (HashSet::new(), 0);
-    for block in chunks.sequential_decompressor(false) {
-        let block = block.map_err(refused)?;
+    while let Some(chunk) = chunks.next() {
+        let chunk = chunk.map_err(refused)?;
+        if let Some(part) = chunks.meta_data().headers.get(chunk.layer_index) {
+            dwa::check(&chunk, part)?;
+        }
+        let block = UncompressedBlock::decompress_chunk(chunk, chunks.meta_data(), false).map_err(refused)?;
         if !wanted(block.index) {
             continue;
         }

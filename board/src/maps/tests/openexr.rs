@@ -215,3 +215,32 @@ fn floats_above_the_half_range_keep_their_value() {
     let map = decode(&written(&uniform(&channels, (4, 2), LayerAttributes::default()))).expect("a map");
     assert_eq!((map.texels[0], map.clipped), ([FLOAT_MAX, HALF_MAX, 1.0], vec![4, 4]), "counted");
 }
+
+/// The counters of a DWA block follow its position and its length; the tenth and the first ones are the version and the kind of the coefficients.
+#[test]
+fn sizes_of_dwa_blocks_that_exceed_the_block_are_refused() {
+    let channels = SpecificChannels::rgb(|at: Vec2<usize>| {
+        let v = (at.x() * 7 + at.y() * 13) as f32;
+        (f16::from_f32(v.sin().abs()), f16::from_f32(v.cos().abs()), f16::ONE)
+    });
+    for (compression, blocks) in [
+        (Compression::DWAA(None), Blocks::ScanLines),
+        (Compression::DWAB(None), Blocks::ScanLines),
+        (Compression::DWAA(None), Blocks::Tiles(Vec2(64, 32))),
+    ] {
+        let encoding = Encoding { compression, blocks, line_order: LineOrder::Increasing };
+        let layer = Layer::new((64, 32), LayerAttributes::default(), encoding, channels.clone());
+        let mut bytes = Cursor::new(Vec::new());
+        Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).expect("a file");
+        let bytes = bytes.into_inner();
+        decode(&bytes).expect("a map");
+        let version = 2u64.to_le_bytes();
+        let at = bytes.windows(8).rposition(|eight| eight == version).expect("the version of the block");
+        for counter in [1, 6, 7, 8, 9] {
+            let mut larger = bytes.clone();
+            larger[at + 8 * counter + 5] = 1;
+            let told = refusal(&larger);
+            assert!(told.contains("pixels | at most"), "{compression:?}, counter {counter}: {told}");
+        }
+    }
+}
