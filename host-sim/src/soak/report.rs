@@ -127,7 +127,7 @@ impl fmt::Display for SoakReport {
         for (kind, n) in Fault::ALL.iter().zip(&self.outcome.faults) {
             writeln!(f, "  {:<32}{:>12}{:>12}{:>12}", kind.name(), n.seen, n.recovered, n.unrecovered)?;
         }
-        self.outcome.words.iter().try_for_each(|what| writeln!(f, "wrong: {what}"))?;
+        self.outcome.words.iter().try_for_each(|what| writeln!(f, "{what}"))?;
         tally.words().iter().try_for_each(|what| writeln!(f, "error: {what}"))?;
         self.failures().iter().try_for_each(|what| writeln!(f, "violated: {what}"))?;
         if self.failures().is_empty() { writeln!(f, "all requirements hold") } else { Ok(()) }
