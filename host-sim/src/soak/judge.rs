@@ -21,13 +21,8 @@ use std::sync::Arc;
 /// Largest relative difference between the flux of a set and the flux of its burst; beyond it the set counts as wrong.
 const WRONG: f64 = 0.04;
 
-/// Number of bursts after a fault within which a set of all frames must follow for the fault to count as recovered, unless the lamps are switched at
-/// this time ([`HELD`]).
+/// Number of bursts after a fault within which a set of all frames must follow for the fault to count as recovered.
 const RECOVERY: u64 = 2;
-
-/// Number of bursts for which the probe repeats the set before if the light of a dark scene jumps: the jump must repeat. A fault at this time is
-/// followed by as many more bursts.
-const HELD: u64 = 2;
 
 /// Largest share of the flux of a map that may be missing from the set of a sampler without a temporal filter.
 const LOST: f32 = 2e-3;
@@ -100,10 +95,6 @@ pub(super) struct SetJudge {
     pending: [u64; Fault::ALL.len()],
     /// Number of bursts since the last fault.
     since: u64,
-    /// Whether the lamps were lit in the last burst.
-    is_lit: bool,
-    /// Number of bursts since the lamps were switched on or off.
-    since_switch: u64,
     /// The last bursts, oldest first.
     recent: VecDeque<JudgedBurst>,
     outcome: Outcome,
@@ -143,8 +134,6 @@ impl SetJudge {
             last: "",
             pending: [0; Fault::ALL.len()],
             since: 0,
-            is_lit: false,
-            since_switch: 0,
             recent: VecDeque::with_capacity(LISTED),
             outcome: Outcome::default(),
         }
@@ -191,26 +180,18 @@ impl SetJudge {
         self.outcome.failed += u64::from(!is_ok);
         if self.since > 0 && is_whole {
             self.settle(|outcome, count| outcome.recovered += count);
-        } else if self.since > self.recovery() && latest.is_some() {
+        } else if self.since > RECOVERY && latest.is_some() {
             // The probe publishes no set of a burst that it skips to keep the budget.
             if self.pending != [0; Fault::ALL.len()] {
-                let settings = &link.settings().applied().borrow().config.pipeline.clone();
+                let settings = link.settings().applied().borrow().config.pipeline.clone();
                 self.describe(&format!("unrecovered: burst {}: {settings:?}", self.newest.bursts()));
             }
             self.settle(|outcome, count| outcome.unrecovered += count);
         }
     }
 
-    /// Returns the number of bursts after a fault within which a set of all frames must follow.
-    fn recovery(&self) -> u64 {
-        if self.since_switch <= RECOVERY + HELD { RECOVERY + HELD } else { RECOVERY }
-    }
-
     fn count_faults(&mut self) {
         self.since += 1;
-        let is_lit = self.newest.light().lamps.is_some();
-        self.since_switch = if is_lit == self.is_lit { self.since_switch.saturating_add(1) } else { 0 };
-        self.is_lit = is_lit;
         for (((name, count), outcome), pending) in
             self.counts.named().zip(&mut self.outcome.faults).zip(&mut self.pending)
         {

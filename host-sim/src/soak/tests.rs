@@ -147,22 +147,6 @@ fn no_torn_frame_makes_a_wrong_set_after_lamps_are_switched_on() {
     }
 }
 
-/// A fault in the burst in which the lamps are switched on at night delays the confirmation of the new light.
-#[test]
-fn faults_while_lamps_are_switched_on_are_recovered() {
-    for seed in 0..30 {
-        let camera = camera(864_000).expect("a camera").starting_at(43_190);
-        let faults = format!("size=0.04,sound=8,seed={seed}");
-        let run = Run { faults: &faults, camera, bursts: 22, seconds: &[TWO], merge: MergeMode::Needed };
-        let outcome = run.judged(flux(), |camera| camera);
-        assert!(
-            outcome.faults.iter().all(|fault| fault.unrecovered == 0),
-            "seed {seed}: {:#?}",
-            outcome.words
-        );
-    }
-}
-
 #[test]
 fn sets_of_other_lamps_are_wrong() {
     let wrong = |factor: f64| {
