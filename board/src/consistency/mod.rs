@@ -178,8 +178,8 @@ impl Inspector {
         // remaining frame that contradicts a wrong one.
         self.is_uncertain |= 2 * count <= frames.len();
         self.is_uncertain |= rest.windows(2).any(|pair| verdicts.differ(pair[0], pair[1]));
-        let is_repeated = self.recent.repeats(&seen, self.levels.floor);
-        let is_doubtful = |index: usize| !is_repeated && judged[index] == Judgement::Doubtful;
+        let repeated = self.recent.add(&seen, self.levels.floor);
+        let is_doubtful = |index: usize| repeated >> index & 1 == 0 && judged[index] == Judgement::Doubtful;
         self.is_uncertain |= rest.iter().any(|index| is_doubtful(*index));
         let is_unconfirmed =
             |index: &usize| judged[*index] == Judgement::Unknown && !verdicts.are_usual(*index, rest);

@@ -1,11 +1,12 @@
 //! Mean exposures of the rows of the last bursts: a change of the light or of the exposures repeats in the next bursts, a false frame does not.
+//! Each frame is compared alone: lamps on the mains flicker in the shorter exposures, while the longer ones repeat.
 
 use super::jump::JUMP;
 use super::levels::{Seen, is_same};
 use super::samples::ROWS;
 use hemilux_core::MAX_EXPOSURES;
 
-/// Number of stored bursts, and number of them that a burst must equal to count as repeated. Two equal false bursts in a row are not rare
+/// Number of stored bursts, and number of them whose frame a frame must equal to count as repeated. Two equal false bursts in a row are not rare
 /// where a hundredth of the bursts has each kind of fault.
 const STORED: usize = 4;
 const REPEATS: usize = 2;
@@ -31,15 +32,13 @@ impl Means {
         means
     }
 
-    /// Returns true if all exposures are equal and no row differs by more than [`JUMP`].
-    fn equals(&self, other: &Self) -> bool {
-        let are_same = |a: &[f32; ROWS], b: &[f32; ROWS]| {
-            a.iter().zip(b).all(|(a, b)| (JUMP.recip()..JUMP).contains(&(a / b)))
-        };
+    /// Returns true if all exposures are equal and no row of the frame `index` differs by more than [`JUMP`].
+    fn have_equal(&self, other: &Self, index: usize) -> bool {
         let mut lights = self.lights.iter().zip(&other.lights).take(self.frames);
+        let mut rows = self.rows[index].iter().zip(&other.rows[index]);
         self.frames == other.frames
             && lights.all(|(a, b)| is_same(*a, *b))
-            && self.rows.iter().zip(&other.rows).take(self.frames).all(|(a, b)| are_same(a, b))
+            && rows.all(|(a, b)| (JUMP.recip()..JUMP).contains(&(a / b)))
     }
 }
 
@@ -48,12 +47,14 @@ impl Means {
 pub(super) struct Recent([Means; STORED]);
 
 impl Recent {
-    /// Returns true if the burst equals [`REPEATS`] of the last bursts, and stores its means.
-    pub fn repeats(&mut self, seen: &Seen<'_>, floor: f32) -> bool {
+    /// Stores the means of a burst; returns one bit for each frame, set if the frame equals that of [`REPEATS`] of the last bursts.
+    pub fn add(&mut self, seen: &Seen<'_>, floor: f32) -> u16 {
         let means = Means::of(seen, floor);
-        let equal = self.0.iter().filter(|earlier| means.equals(earlier)).count();
+        let equal = |index: usize| self.0.iter().filter(|earlier| means.have_equal(earlier, index)).count();
+        let repeated = (0..means.frames.min(MAX_EXPOSURES)).filter(|index| equal(*index) >= REPEATS);
+        let repeated = repeated.fold(0, |bits, index| bits | 1 << index);
         self.0.rotate_right(1);
         self.0[0] = means;
-        equal >= REPEATS
+        repeated
     }
 }

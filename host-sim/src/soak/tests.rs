@@ -147,6 +147,28 @@ fn no_torn_frame_makes_a_wrong_set_after_lamps_are_switched_on() {
     }
 }
 
+/// A jump in the dark must repeat before it counts as light. A fault in the burst of the switch takes one of the bursts that repeat, and the bulb
+/// flickers in the shorter exposures of the others.
+#[test]
+fn faults_are_recovered_within_two_bursts_while_lamps_are_switched_on() {
+    let mut seen = 0;
+    for (seed, kind, seconds) in [10, 18, 21]
+        .into_iter()
+        .flat_map(|seed| ["size", "torn"].map(|kind| (seed, kind)))
+        .flat_map(|(seed, kind)| [None, TWO].map(|seconds| (seed, kind, seconds)))
+    {
+        let camera = camera(864_000).expect("a camera").starting_at(43_192);
+        let faults = format!("{kind}=0.08,sound=8,seed={seed}");
+        let run = Run { faults: &faults, camera, bursts: 20, seconds: &[seconds], merge: MergeMode::Needed };
+        let outcome = run.judged(flux(), |camera| camera);
+        let count = |of: fn(&judge::FaultOutcome) -> u64| outcome.faults.iter().map(of).sum::<u64>();
+        let unrecovered = count(|fault| fault.unrecovered);
+        assert_eq!((unrecovered, outcome.wrong), (0, 0), "{kind}, seed {seed}: {:#?}", outcome.words);
+        seen += count(|fault| fault.seen);
+    }
+    assert!(seen >= 12, "{seen} faults");
+}
+
 #[test]
 fn sets_of_other_lamps_are_wrong() {
     let wrong = |factor: f64| {

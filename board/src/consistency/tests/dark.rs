@@ -57,6 +57,28 @@ fn each_fault_of_a_dark_scene_is_found_and_named() {
     }
 }
 
+/// A lamp on the mains is switched on: its bulb flickers in the shortest exposure, and the other exposures repeat.
+#[test]
+fn a_switched_lamp_counts_as_repeated_while_it_flickers_in_the_shortest_exposure() {
+    let mut inspector = dark_inspector(&TIMES);
+    for _ in 0..8 {
+        inspector.inspect(&dark_burst(&TIMES, |x, y| 0.1 * dim(x, y)));
+    }
+    let uncertain = [1.0, 0.1, 1.5].map(|phase| {
+        let lit = |bulb: f64| {
+            move |x: usize, y: usize| {
+                let is_bulb = (30..33).contains(&x) && (24..32).contains(&y);
+                if is_bulb { 1e4 * bulb } else { dim(x, y) }
+            }
+        };
+        let mut burst = dark_burst(&TIMES, lit(1.0));
+        burst.frames[0] = dark(TIMES[0], TIMES[0], lit(phase));
+        inspector.inspect(&burst);
+        inspector.is_uncertain()
+    });
+    assert_eq!(uncertain, [true, true, false]);
+}
+
 /// A bulb fills six samples of the grid and saturates the longest exposure. Without the shortest exposure the bulb would be lost.
 #[test]
 fn a_black_shortest_exposure_is_found_in_a_dark_room_with_a_bulb() {
