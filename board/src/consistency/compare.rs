@@ -54,8 +54,8 @@ pub(super) struct Comparison {
     pub log_ratio: Option<f32>,
     /// Rows in which enough samples have the median ratio.
     pub rows: RowSet,
-    /// Share of the samples whose ratio of radiances differs from the median by [`DIFFERENT`], 0 to 1.
-    pub away: f32,
+    /// Share of the samples whose ratio of radiances differs from the median by [`DIFFERENT`], 0 to 1; `None` if too few samples can be compared.
+    pub away: Option<f32>,
     /// True if the ratio of radiances has one value in the upper rows and another value in the lower rows.
     pub is_torn: bool,
     /// Natural logarithm of the largest factor between the mean ratios of the rows above and below some row; 0 if few samples differ.
@@ -173,8 +173,9 @@ impl Comparison {
         if by_row.len() < ENOUGH_FOR_SHARE {
             return found;
         }
-        found.away = away as f32 / by_row.len() as f32;
-        if found.away > TORN_SHARE {
+        let away = away as f32 / by_row.len() as f32;
+        found.away = Some(away);
+        if away > TORN_SHARE {
             let medians = Medians::of(by_row, &ends);
             (found.is_torn, found.parts) = (medians.are_two_parts(), medians.parts());
         }

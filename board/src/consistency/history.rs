@@ -1,5 +1,6 @@
 //! Running statistics of the comparisons of two exposures over the earlier bursts.
 
+use super::by_phase::{LevelFaults, PhaseContradictions, PhaseRunning};
 use super::compare::Comparison;
 use hemilux_core::wire::FrameFault;
 
@@ -25,39 +26,6 @@ pub(super) const OUTLIER: f32 = 8.0;
 /// Excess of the share of different samples over the running mean of this share from which two frames show different scenes.
 const MOVED: f32 = 0.2;
 
-/// Running share of contradicting bursts, 0 to 1, from which contradictions are a property of the light or of the camera, not faults. Where
-/// a tenth of all bursts is false, three of eight bursts contradict once an hour, and twelve of forty never.
-const USUAL: f32 = 0.3;
-
-/// Weights in the running share of contradictions: of each later burst, and of the first one.
-const CONTRADICTION: f32 = 1.0 / 32.0;
-const FIRST_CONTRADICTION: f32 = 1.0 / 8.0;
-
-/// Running share of the bursts in which two exposures contradict each other.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Contradictions {
-    share: f32,
-    bursts: u32,
-}
-
-impl Contradictions {
-    /// Adds a burst; returns true if contradictions are usual.
-    pub fn add(&mut self, is_contradiction: bool) -> bool {
-        let weight = CONTRADICTION.max(1.0 / (FIRST_CONTRADICTION.recip() + self.bursts as f32));
-        self.bursts = self.bursts.saturating_add(1);
-        self.share += weight * (f32::from(u8::from(is_contradiction)) - self.share);
-        self.are_usual()
-    }
-
-    fn are_usual(self) -> bool {
-        self.share >= USUAL
-    }
-
-    fn larger(self, other: Self) -> Self {
-        if self.share < other.share { other } else { self }
-    }
-}
-
 /// Contradiction of two frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Contradiction {
@@ -71,12 +39,15 @@ pub(super) enum Contradiction {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct History {
     bursts: u32,
-    mean: f32,
-    variance: f32,
-    away: f32,
+    /// Natural logarithm of the ratio of radiances.
+    ratio: PhaseRunning,
+    /// [`Comparison::away`].
+    away: PhaseRunning,
     /// Running mean of the squares of [`Comparison::parts`].
     parts: f32,
-    contradictions: Contradictions,
+    contradictions: PhaseContradictions,
+    /// Bursts in which the shorter, or the longer, frame is black or saturated as a whole.
+    levels: [LevelFaults; 2],
     /// Number of bursts without an unusual contradiction since the last one in which the pair could not be compared.
     compared: u32,
     /// Number of bursts that were added to the running means since [`History::widen`].
@@ -90,11 +61,11 @@ impl History {
     pub fn joined(&self, other: &Self) -> Self {
         Self {
             bursts: self.bursts.min(other.bursts),
-            mean: self.mean + other.mean,
-            variance: self.variance + other.variance,
-            away: self.away.max(other.away),
+            ratio: self.ratio.joined(&other.ratio, |a, b| a + b),
+            away: self.away.joined(&other.away, f32::max),
             parts: self.parts.max(other.parts),
             contradictions: self.contradictions.larger(other.contradictions),
+            levels: [self.levels[0], other.levels[1]],
             compared: 0,
             since_wide: 0,
             is_comparable: false,
@@ -102,19 +73,23 @@ impl History {
     }
 
     /// Returns the contradiction of the comparison `seen`; adds the comparison to the running means unless the contradiction is an unusual one.
-    pub fn judge(&mut self, seen: &Comparison) -> Contradiction {
+    /// `phase` is the phase of the lamps in the burst, as in [`PhaseContradictions::add`].
+    pub fn judge(&mut self, seen: &Comparison, phase: Option<f32>) -> Contradiction {
         let Some(log_ratio) = seen.log_ratio else {
             // A pair may be comparable for hours only in bursts with a fault, sometimes in two successive ones.
-            self.contradictions.add(false);
+            self.contradictions.add(phase, false);
             (self.compared, self.is_comparable) = (0, false);
             return Contradiction::None;
         };
-        let fault = self.fault(seen, log_ratio);
+        let fault = self.fault(seen, log_ratio, phase);
         // A burst after one in which the pair could not be compared may be comparable because of a fault: no evidence of usual contradictions.
         let is_evidence = std::mem::replace(&mut self.is_comparable, true);
         let contradictions = &mut self.contradictions;
-        let is_usual =
-            if is_evidence { contradictions.add(fault.is_some()) } else { contradictions.are_usual() };
+        let is_usual = if is_evidence {
+            contradictions.add(phase, fault.is_some())
+        } else {
+            contradictions.are_usual(phase)
+        };
         let found = match fault {
             // Parts that differ as in many earlier bursts confirm neither frame.
             None if seen.is_torn => Contradiction::Usual,
@@ -125,50 +100,69 @@ impl History {
         if !matches!(found, Contradiction::Unusual(_)) && seen.level_faults() == [None; 2] {
             self.compared = self.compared.saturating_add(1);
             if self.is_plausible(log_ratio) || self.compared >= KNOWN {
-                self.add(seen, log_ratio);
+                self.add(seen, log_ratio, phase);
             }
-        } else if found == Contradiction::Unusual(FrameFault::WrongExposure) && self.since_wide >= KNOWN {
-            self.widen(log_ratio);
+        } else if let Contradiction::Unusual(fault) = found {
+            self.widen(fault, seen, log_ratio);
         }
         found
+    }
+
+    /// Returns the faults of the frames of `seen` that are black or saturated as a whole, without those that are so whenever the lamps have this phase:
+    /// a short exposure in the dark part of their period is no fault. Adds the burst to the counts.
+    pub fn level_faults(&mut self, seen: &Comparison, phase: Option<f32>) -> [Option<FrameFault>; 2] {
+        let mut faults = seen.level_faults();
+        for (fault, counts) in faults.iter_mut().zip(&mut self.levels) {
+            let is_of_lamps = counts.add(phase, fault.is_some());
+            *fault = fault.filter(|_| !is_of_lamps);
+        }
+        faults
     }
 
     /// Returns true if `log_ratio`, which is no contradiction, is near the usual ratio or near the stated one. In dark light, a pair may be
     /// comparable only in bursts with a fault; these bursts are not successive, so that their ratio must not become the usual ratio.
     pub fn is_plausible(&self, log_ratio: f32) -> bool {
-        self.bursts >= KNOWN || (log_ratio - self.mean).abs() < DOUBTFUL.ln()
+        self.bursts >= KNOWN || (log_ratio - self.ratio.mean()).abs() < DOUBTFUL.ln()
     }
 
-    fn fault(&self, seen: &Comparison, log_ratio: f32) -> Option<FrameFault> {
-        let off = (log_ratio - self.mean).abs();
-        let is_wrong = off > WRONG.ln().max(DEVIATIONS * self.variance.sqrt());
+    fn fault(&self, seen: &Comparison, log_ratio: f32, phase: Option<f32>) -> Option<FrameFault> {
+        let is_wrong = self.ratio.is_unusual(log_ratio, WRONG.ln(), phase);
         if seen.is_copy {
             Some(FrameFault::Repeated)
         } else if seen.is_torn && seen.parts > DEVIATIONS * self.parts.sqrt() {
             Some(FrameFault::Torn)
-        } else if seen.away > MOVED + self.away {
+        } else if seen.away.is_some_and(|away| self.is_other_scene(away, phase)) {
             Some(FrameFault::OtherScene)
         } else {
             (self.bursts >= KNOWN && is_wrong).then_some(FrameFault::WrongExposure)
         }
     }
 
-    /// Adds a wrong ratio to the running variance, up to [`OUTLIER`]. In dark light, a pair may be comparable only in bursts with a fault: the ratios
-    /// of at least [`KNOWN`] bursts without a fault come before each wrong one.
-    fn widen(&mut self, log_ratio: f32) {
-        let off = log_ratio - self.mean;
-        self.variance += NEW * ((off * off).min(OUTLIER * self.variance) - self.variance);
+    /// Returns true if `away`, [`Comparison::away`], is larger than usual.
+    fn is_other_scene(&self, away: f32, phase: Option<f32>) -> bool {
+        away > self.away.mean() && self.away.is_unusual(away, MOVED, phase)
+    }
+
+    /// Adds the unusual value that is `fault` to its running variance. In dark light, a pair may be comparable only in bursts with a fault: the
+    /// values of at least [`KNOWN`] bursts without a fault come before each unusual one.
+    fn widen(&mut self, fault: FrameFault, seen: &Comparison, log_ratio: f32) {
+        if self.since_wide < KNOWN {
+            return;
+        }
+        match fault {
+            FrameFault::WrongExposure => self.ratio.widen(log_ratio, WRONG.ln()),
+            FrameFault::OtherScene => seen.away.into_iter().for_each(|away| self.away.widen(away, MOVED)),
+            _ => return,
+        }
         self.since_wide = 0;
     }
 
-    fn add(&mut self, seen: &Comparison, log_ratio: f32) {
+    fn add(&mut self, seen: &Comparison, log_ratio: f32, phase: Option<f32>) {
         self.since_wide = self.since_wide.saturating_add(1);
         self.bursts = self.bursts.saturating_add(1);
         let new = NEW.max(1.0 / self.bursts as f32);
-        let off = log_ratio - self.mean;
-        self.mean += new * off;
-        self.variance = (1.0 - new) * (self.variance + new * off * off);
-        self.away += new * (seen.away - self.away);
+        self.ratio.add(log_ratio, phase);
+        seen.away.into_iter().for_each(|away| self.away.add(away, phase));
         self.parts += new * (seen.parts * seen.parts - self.parts);
     }
 }
@@ -203,14 +197,15 @@ mod tests {
     fn the_phases_of_a_lamp_become_usual_and_other_ratios_do_not() {
         for depth in [0.1, 0.2, 0.3, 0.4, 0.6, 0.8] {
             let mut history = History::default();
-            let last = (0..400)
-                .filter(|burst| matches!(history.judge(&compared(depth, *burst)), Contradiction::Unusual(_)));
+            let last = (0..400).filter(|burst| {
+                matches!(history.judge(&compared(depth, *burst), None), Contradiction::Unusual(_))
+            });
             let last = last.last().unwrap_or(0);
             assert!(last < 120, "depth {depth}: the phase of burst {last} is called wrong");
             if depth <= 0.4 {
                 let wrong = of_ratio(Some(6f32.ln()));
                 assert_eq!(
-                    history.judge(&wrong),
+                    history.judge(&wrong, None),
                     Contradiction::Unusual(FrameFault::WrongExposure),
                     "{depth}"
                 );
@@ -224,7 +219,7 @@ mod tests {
         for burst in 0..4000_u32 {
             let is_wrong = burst > 10 && burst.wrapping_mul(2_654_435_761) >> 16 < 6554;
             let log_ratio = if is_wrong { 1.5f32.ln() } else { 0.01 * (burst % 5) as f32 };
-            let found = history.judge(&of_ratio(Some(log_ratio)));
+            let found = history.judge(&of_ratio(Some(log_ratio)), None);
             assert_eq!(matches!(found, Contradiction::Unusual(_)), is_wrong, "burst {burst}");
         }
     }

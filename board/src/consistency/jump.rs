@@ -1,7 +1,8 @@
 //! Jumps of the light of rows: changes from burst to burst as false frames show them, against the usual changes.
 
+use super::by_phase::Contradictions;
 use super::compare::median;
-use super::history::{Contradictions, DEVIATIONS, NEW, OUTLIER};
+use super::history::{DEVIATIONS, NEW, OUTLIER};
 use super::samples::{ROWS, RowSet, SATURATED, Sampled};
 use hemilux_core::wire::FrameFault;
 

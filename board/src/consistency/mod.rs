@@ -3,11 +3,13 @@
 //! The radiances of two frames of one scene have the inverse ratio of their exposures. The samples of a grid of pixels of each frame are
 //! converted to relative exposure, and frames of neighbouring exposures are compared. A frame contradicts its burst if all neighbours of
 //! the frame contradict it and agree with each other. The expected ratio of each pair of exposures is the usual one of the earlier bursts,
-//! so that flickering light and exposure times with a constant error are not faults.
+//! or of those at the same phase of the lamps, so that flickering light and exposure times with a constant error are not faults.
 
+mod by_phase;
 mod compare;
 mod history;
 mod jump;
+mod lamp_phase;
 mod levels;
 mod recent;
 mod samples;
@@ -21,6 +23,7 @@ use compare::{Comparison, Scratch};
 use hemilux_core::wire::{FrameFault, FramesLeftOut};
 use hemilux_core::{Exposure, MAX_EXPOSURES, ResponseError};
 use history::History;
+use lamp_phase::LampPhase;
 use levels::{Judgement, Levels, Seen};
 use recent::Recent;
 use samples::{Grid, Sampled};
@@ -39,6 +42,7 @@ pub struct Inspector {
     /// Comparison of the row sums of samples that are too dark for a comparison one by one.
     levels: Levels,
     recent: Recent,
+    lamps: LampPhase,
     is_uncertain: bool,
     /// The frames of the last burst with stale frames, which are stored for comparison when new ones replace them.
     waiting: Option<Waiting>,
@@ -73,6 +77,7 @@ impl Inspector {
             history,
             levels,
             recent: Recent::default(),
+            lamps: LampPhase::default(),
             is_uncertain: false,
             waiting: None,
         })
@@ -81,6 +86,12 @@ impl Inspector {
     /// Sets the exposures of the frames of the next whole bursts: one frame of another exposure is then in doubt if no comparison confirms it.
     pub fn expect(&mut self, exposures: &[Exposure]) {
         self.levels.expect(exposures.iter().map(|exposure| exposure.seconds * exposure.gain));
+    }
+
+    /// Sets the frequency of the lamps that light the scene, hertz; `None` while no lamps are found. Contradictions that return at the same
+    /// phase of the lamps are no faults.
+    pub fn follow_lamps(&mut self, frequency_hz: Option<f32>) {
+        self.lamps.set_frequency(frequency_hz);
     }
 
     /// Returns the memory of the inspector on the heap, bytes.
@@ -119,7 +130,8 @@ impl Inspector {
                 self.sampled |= 1 << index;
             }
         }
-        let verdicts = self.compare(frames);
+        let phase = self.lamps.advance(burst.phase_s());
+        let verdicts = self.compare(frames, phase);
         let mut indices: [usize; MAX_EXPOSURES] = core::array::from_fn(|i| i);
         let mut kept = &mut indices[..frames.len()];
         while let Some(Wrong { at, fault, is_certain }) = worst(kept, &verdicts) {
@@ -196,7 +208,7 @@ impl Inspector {
 
     /// Compares the frames of neighbouring exposures and adds the results to the history; if they do not all agree, also compares the
     /// frames two places apart.
-    fn compare(&mut self, frames: &[Frame]) -> Verdicts {
+    fn compare(&mut self, frames: &[Frame], phase: Option<f32>) -> Verdicts {
         let mut verdicts = Verdicts::default();
         for apart in [1, 2] {
             for low in 0..frames.len().saturating_sub(apart) {
@@ -204,7 +216,7 @@ impl Inspector {
                 let seen = self.see(frames, pair);
                 let mut joined = self.history[low].joined(&self.history[low + 1]);
                 let history = if apart == 1 { &mut self.history[low] } else { &mut joined };
-                verdicts.set(pair, verdict(&seen, history), seen.rows);
+                verdicts.set(pair, verdict(&seen, history, phase), seen.rows);
             }
             if verdicts.are_all_usual(frames.len()) {
                 break;

@@ -191,20 +191,20 @@ fn contradictions_of_frames_that_seldom_can_be_compared_do_not_become_usual() {
         seen
     };
     for burst in 0..8 {
-        assert_eq!(history.judge(&seen(Some(0.0))), Contradiction::None, "sound burst {burst}");
+        assert_eq!(history.judge(&seen(Some(0.0)), None), Contradiction::None, "sound burst {burst}");
     }
     for burst in 0..100 {
-        assert_eq!(history.judge(&seen(None)), Contradiction::None, "dark burst {burst}");
-        let fault = history.judge(&seen(Some(-4f32.ln())));
+        assert_eq!(history.judge(&seen(None), None), Contradiction::None, "dark burst {burst}");
+        let fault = history.judge(&seen(Some(-4f32.ln())), None);
         assert_eq!(fault, Contradiction::Unusual(FrameFault::WrongExposure), "false burst {burst}");
     }
     // Two successive false bursts in ten.
     for burst in 0..100 {
         for _ in 0..8 {
-            assert_eq!(history.judge(&seen(None)), Contradiction::None, "dark burst {burst}");
+            assert_eq!(history.judge(&seen(None), None), Contradiction::None, "dark burst {burst}");
         }
         for second in [false, true] {
-            let fault = history.judge(&seen(Some(-4f32.ln())));
+            let fault = history.judge(&seen(Some(-4f32.ln())), None);
             let expected = Contradiction::Unusual(FrameFault::WrongExposure);
             assert_eq!(fault, expected, "false burst {burst}, second: {second}");
         }

@@ -25,18 +25,18 @@ impl Pair {
     }
 }
 
-/// Returns the verdicts of the comparison `seen` on its shorter and on its longer exposure.
-pub(super) fn verdict(seen: &Comparison, history: &mut History) -> [Verdict; 2] {
+/// Returns the verdicts of the comparison `seen` on its shorter and on its longer exposure; `phase` is the phase of the lamps in the burst, periods.
+pub(super) fn verdict(seen: &Comparison, history: &mut History, phase: Option<f32>) -> [Verdict; 2] {
     // The history, to which this burst is added, does not confirm the burst itself.
     let is_plausible = seen.log_ratio.map(|log_ratio| history.is_plausible(log_ratio));
-    let shared = match (history.judge(seen), is_plausible) {
+    let shared = match (history.judge(seen, phase), is_plausible) {
         (Contradiction::Unusual(fault), _) => Verdict::Differs(fault),
         (Contradiction::Usual, _) => Verdict::DiffersAsUsual,
         (Contradiction::None, Some(true)) => Verdict::Agrees,
         (Contradiction::None, Some(false)) => Verdict::Doubtful,
         (Contradiction::None, None) => Verdict::Unknown,
     };
-    seen.level_faults().map(|fault| fault.map_or(shared, Verdict::Is))
+    history.level_faults(seen, phase).map(|fault| fault.map_or(shared, Verdict::Is))
 }
 
 /// Verdict on a frame from the comparison with another frame.

@@ -21,6 +21,7 @@ impl Pipeline {
     /// merged nevertheless if there is no map yet or if the four bursts before were left out as well. In [`WindowMode::Sliding`], a wrong
     /// shortest exposure leaves out no other frame.
     pub fn inspect(&mut self, burst: &Burst) -> FramesLeftOut {
+        self.inspector.follow_lamps(self.flicker.frequency_hz);
         let mut found = self.inspector.inspect(burst);
         // A sliding window stores an earlier frame of the shortest exposure.
         let needs_shortest = self.settings.window == WindowMode::Burst;

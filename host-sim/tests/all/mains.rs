@@ -1,10 +1,11 @@
 //! Removal of mains flicker by the pipeline of the probe: light of flickering lamps, compared with the light of steady lamps.
 
 use crate::common::{sim_ok, text};
+use hemilux::calibration::Pixels;
 use hemilux::pipeline::{Pipeline, Processed, Settings};
 use hemilux_core::MergeMode;
 use hemilux_core::mains::{Flicker, Lamps};
-use hemilux_core::wire::FramesLeftOut;
+use hemilux_core::wire::{FrameFault, FramesLeftOut};
 use hemilux_sim::bench::bursts;
 use hemilux_sim::burst::{Sensor, THESIS_EXPOSURES_S};
 use hemilux_sim::env::EnvMap;
@@ -228,5 +229,53 @@ fn no_frame_of_a_room_whose_whole_light_flickers_is_left_out_after_eight_seconds
         let processed = pipeline.process(bursts::timed(&mut bursts, burst)).unwrap();
         assert!(burst < 80 || processed.frames_left_out == FramesLeftOut::NONE, "burst {burst}");
         assert!(burst < 80 || processed.flicker.share > 0.9, "burst {burst}: {:?}", processed.flicker);
+    }
+}
+
+/// Returns a room whose light flickers, but for 5 %.
+fn flickering_room(wave: Wave) -> World {
+    let room = |share: f32| EnvMap::from_fn(256, 128, |d| room(d).map(|v| share * v.min(3.0)));
+    let course = Course { wave, phase: 0.3, changes: Vec::new() };
+    World { still: room(0.05), lit: Some((room(1.0), course)), lamps: Vec::new() }
+}
+
+/// The frames of a rolling shutter, or short exposures in the dark part of the lamps' period, differ from the other frames whenever a burst meets the
+/// same phase; a black frame at a phase at which none was black is still left out.
+#[test]
+fn no_frame_is_left_out_because_of_lamps_that_light_the_whole_room() {
+    let sine = |depth| Wave::Sine { hz: 100.0, depth };
+    let cases = [
+        (sine(0.6), 28.0, 20e-6, 0.02),
+        (sine(1.0), 28.2, 20e-6, 0.02),
+        (Wave::Sine { hz: 120.0, depth: 1.0 }, 25.0, 20e-6, 0.02),
+        (Wave::Phosphor { hz: 100.0 }, 28.0, 20e-6, 0.02),
+        (Wave::Pwm { hz: 100.0, duty: 0.5 }, 28.0, 40e-6, 0.05),
+        (Wave::Pwm { hz: 100.0, duty: 0.5 }, 28.2, 1e-9, 0.05),
+    ];
+    for (wave, rate_hz, line_s, most) in cases {
+        let name = format!("{wave:?}, {rate_hz} frames per second, {line_s} s per row");
+        let timing = Timing { line_s, ..timing(rate_hz) };
+        let steady = film(&flickering_room(Wave::Steady), timing.clone());
+        let steady = run(&steady, 2, Lamps::Off)[1];
+        let filming = film(&flickering_room(wave), timing);
+        let mut pipeline =
+            Pipeline::try_new(filming.calibration(), &filming.exposures(), Settings::default()).unwrap();
+        let mut worst = 0.0f64;
+        for burst in 0..100 {
+            let found = pipeline.process(&filming.burst(burst)).unwrap();
+            let is_settled = burst >= 70;
+            assert!(!is_settled || found.frames_left_out.is_empty(), "{name}: burst {burst}");
+            worst = worst.max(if is_settled { BurstLight::of(&found).difference(&steady) } else { 0.0 });
+        }
+        eprintln!("{name}: off {:.2} %", 100.0 * worst);
+        assert!(worst < most, "{name}: off {worst}");
+        let mut burst = filming.burst(100);
+        match &mut burst.frames[2].pixels {
+            Pixels::U16(codes) => codes.fill(0),
+            Pixels::U8(codes) => codes.fill(0),
+        }
+        let left_out = pipeline.process(&burst).unwrap().frames_left_out;
+        let mut named = left_out.iter().map(|frame| (frame.index, frame.fault));
+        assert!(named.any(|found| found == (2, FrameFault::Black)), "{name}: {left_out:?}");
     }
 }
