@@ -3,7 +3,15 @@
 //! Light that flickers differs from exposure to exposure, and it differs in the same way whenever a burst meets the same phase of the lamps; false
 //! frames come at any phase.
 
-use super::history::{DEVIATIONS, NEW, OUTLIER};
+/// Weight of the newest burst in the running means, 0 to 1, after the first bursts.
+pub(super) const NEW: f32 = 1.0 / 8.0;
+
+/// Number of standard deviations from the running mean beyond which a value is unusual.
+pub(super) const DEVIATIONS: f32 = 4.0;
+
+/// Factor of a running variance up to which the square of an unusual deviation counts. A phase of flickering light that was wrong once is then usual,
+/// and wrong exposures in a tenth of the bursts, or a false frame that is no jump, do not hide the next ones.
+pub(super) const OUTLIER: f32 = 8.0;
 
 /// Running share of contradicting bursts, 0 to 1, from which contradictions are a property of the light or of the camera, not faults. Where
 /// a tenth of all bursts is false, three of eight bursts contradict once an hour, and twelve of forty never.

@@ -1,11 +1,8 @@
 //! Running statistics of the comparisons of two exposures over the earlier bursts.
 
-use super::by_phase::{LevelFaults, PhaseContradictions, PhaseRunning};
+use super::by_phase::{DEVIATIONS, LevelFaults, NEW, PhaseContradictions, PhaseRunning};
 use super::compare::Comparison;
 use hemilux_core::wire::FrameFault;
-
-/// Weight of the newest burst in the running means, 0 to 1, after the first bursts.
-pub(super) const NEW: f32 = 1.0 / 8.0;
 
 /// Number of compared bursts from which the usual ratio of two exposures counts as known.
 pub(super) const KNOWN: u32 = 4;
@@ -15,13 +12,6 @@ const WRONG: f32 = 1.2;
 
 /// Factor between a measured and the stated ratio of exposures from which the measured ratio is doubtful until the usual ratio is known.
 const DOUBTFUL: f32 = 1.5;
-
-/// Number of standard deviations from the running mean beyond which a ratio of exposures is wrong.
-pub(super) const DEVIATIONS: f32 = 4.0;
-
-/// Factor of a running variance up to which the square of an unusual deviation counts. A phase of flickering light that was wrong once is then usual,
-/// and wrong exposures in a tenth of the bursts, or a false frame that is no jump, do not hide the next ones.
-pub(super) const OUTLIER: f32 = 8.0;
 
 /// Excess of the share of different samples over the running mean of this share from which two frames show different scenes.
 const MOVED: f32 = 0.2;

@@ -1,8 +1,7 @@
 //! Jumps of the light of rows: changes from burst to burst as false frames show them, against the usual changes.
 
-use super::by_phase::Contradictions;
+use super::by_phase::{Contradictions, DEVIATIONS, NEW, OUTLIER};
 use super::compare::median;
-use super::history::{DEVIATIONS, NEW, OUTLIER};
 use super::samples::{ROWS, RowSet, SATURATED, Sampled};
 use hemilux_core::wire::FrameFault;
 
