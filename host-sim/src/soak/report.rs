@@ -30,7 +30,7 @@ const WORST: Duration = Duration::from_secs(5);
 /// many changes of settings restart the search, which takes eight to sixteen bursts; the measured share is 87 %.
 const FOUND: f64 = 0.5;
 
-/// Largest share of the sets in which the lamps are found that may differ from the mean light of the lamps: in a simulated day, 0.46 % differ;
+/// Largest share of the sets in which the lamps are found that may differ from the mean light of the lamps: in a simulated day, 0.05 % differ;
 /// 5 % differed before the light of partial bursts was kept out of the fits.
 const OFF_MEAN: f64 = 1.0 / 200.0;
 
