@@ -28,7 +28,6 @@ pub(super) enum Contradiction {
 /// Running means of the comparisons of one pair of exposures.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct History {
-    bursts: u32,
     /// Natural logarithm of the ratio of radiances.
     ratio: PhaseRunning,
     /// [`Comparison::away`].
@@ -50,7 +49,6 @@ impl History {
     /// Returns the statistics of the first and the last of three frames, from those of the first two, `self`, and of the last two, `other`.
     pub fn joined(&self, other: &Self) -> Self {
         Self {
-            bursts: self.bursts.min(other.bursts),
             ratio: self.ratio.joined(&other.ratio, |a, b| a + b),
             away: self.away.joined(&other.away, f32::max),
             parts: self.parts.max(other.parts),
@@ -112,7 +110,7 @@ impl History {
     /// Returns true if `log_ratio`, which is no contradiction, is near the usual ratio or near the stated one. In dark light, a pair may be
     /// comparable only in bursts with a fault; these bursts are not successive, so that their ratio must not become the usual ratio.
     pub fn is_plausible(&self, log_ratio: f32) -> bool {
-        self.bursts >= KNOWN || (log_ratio - self.ratio.mean()).abs() < DOUBTFUL.ln()
+        self.ratio.bursts() >= KNOWN || (log_ratio - self.ratio.mean()).abs() < DOUBTFUL.ln()
     }
 
     fn fault(&self, seen: &Comparison, log_ratio: f32, phase: Option<f32>) -> Option<FrameFault> {
@@ -124,7 +122,7 @@ impl History {
         } else if seen.away.is_some_and(|away| self.is_other_scene(away, phase)) {
             Some(FrameFault::OtherScene)
         } else {
-            (self.bursts >= KNOWN && is_wrong).then_some(FrameFault::WrongExposure)
+            (self.ratio.bursts() >= KNOWN && is_wrong).then_some(FrameFault::WrongExposure)
         }
     }
 
@@ -149,9 +147,8 @@ impl History {
 
     fn add(&mut self, seen: &Comparison, log_ratio: f32, phase: Option<f32>) {
         self.since_wide = self.since_wide.saturating_add(1);
-        self.bursts = self.bursts.saturating_add(1);
-        let new = NEW.max(1.0 / self.bursts as f32);
         self.ratio.add(log_ratio, phase);
+        let new = NEW.max(1.0 / self.ratio.bursts() as f32);
         seen.away.into_iter().for_each(|away| self.away.add(away, phase));
         self.parts += new * (seen.parts * seen.parts - self.parts);
     }

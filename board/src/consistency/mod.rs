@@ -214,9 +214,12 @@ impl Inspector {
             for low in 0..frames.len().saturating_sub(apart) {
                 let pair = Pair { of: low, by: low + apart };
                 let seen = self.see(frames, pair);
-                let mut joined = self.history[low].joined(&self.history[low + 1]);
-                let history = if apart == 1 { &mut self.history[low] } else { &mut joined };
-                verdicts.set(pair, verdict(&seen, history, phase), seen.rows);
+                let found = if apart == 1 {
+                    verdict(&seen, &mut self.history[low], phase)
+                } else {
+                    verdict(&seen, &mut self.history[low].joined(&self.history[low + 1]), phase)
+                };
+                verdicts.set(pair, found, seen.rows);
             }
             if verdicts.are_all_usual(frames.len()) {
                 break;
