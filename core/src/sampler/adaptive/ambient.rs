@@ -5,14 +5,17 @@
 //! lights represent. Since the constant function is one of the nine basis functions, the fit keeps the energy of the cut map. If no lights
 //! are requested, the map is not cut off.
 //!
+//! Beside discs, the harmonics also contain the part of degree 1 and 2 of the excess that the discs do not represent ([`Ambient::complete`]).
+//!
 //! The height of the ceiling determines the share of the directional lights: few lights need a high ceiling, many lights a low one. The
 //! sampler tries [`CEILINGS`] and selects the ceiling with the least error.
 
 use crate::color::{self, luminance};
 use crate::harmonics;
 use crate::healpix::{self, Domain, Order};
-use crate::light::Sh9;
+use crate::light::{Light, Sh9};
 use crate::pyramid::{PyramidView, Quad};
+use crate::root;
 use glam::Vec3;
 
 /// HEALPix order of the quads to which the harmonics are fitted: 7 degrees, a tenth of the resolution of degree 2.
@@ -41,6 +44,9 @@ pub(super) const RADIUS: f32 = 0.0722;
 /// Number of fits of the harmonics per map.
 const ROUNDS: usize = 4;
 
+/// Fraction of the difference by which the correction beside discs changes per frame in a scene at rest, as much as a filtered light.
+const FOLLOWED: f32 = 0.11;
+
 /// The ambient light of one map and the excess above it.
 #[derive(Clone, Debug)]
 pub(super) struct Ambient {
@@ -51,6 +57,8 @@ pub(super) struct Ambient {
     /// Inverse of the matrix of the integrals over the domain of the products of basis functions.
     inverse: [[f32; 9]; 9],
     sh: Sh9,
+    /// Integrals of the products of the light below the ceiling and the basis functions.
+    kept: Sh9,
     /// Luminance of the fitted harmonics at the centre of each quad.
     level: [f32; QUADS],
     /// Luminance of each quad above which light is not ambient.
@@ -75,6 +83,7 @@ impl Ambient {
             directions: [Vec3::Z; QUADS],
             inverse: [[0.0; 9]; 9],
             sh: [[0.0; 3]; 9],
+            kept: [[0.0; 3]; 9],
             level: [0.0; QUADS],
             ceiling: [f32::INFINITY; QUADS],
             excess: [Quad { energy: [0.0; 4], moment: [0.0; 4] }; SUMS],
@@ -126,15 +135,8 @@ impl Ambient {
             }
             self.excess[at(self.order, ipix)] = excess;
         }
-        self.sh = core::array::from_fn(|i| {
-            let mut c = [0.0; 3];
-            self.inverse[i].iter().zip(&sums).for_each(|(g, sum)| color::add(&mut c, sum.map(|s| s * g)));
-            c
-        });
-        let y = self.sh.map(luminance);
-        for (level, direction) in self.level.iter_mut().zip(&self.directions).take(quads) {
-            *level = y.iter().zip(harmonics::basis(*direction)).map(|(c, b)| c * b).sum();
-        }
+        self.kept = sums;
+        self.set(&sums);
         for order in (0..self.order).rev() {
             for ipix in 0..self.domain.quads(order) {
                 let mut sum = Quad::default();
@@ -142,6 +144,51 @@ impl Ambient {
                 self.excess[at(order, ipix)] = sum;
             }
         }
+    }
+
+    /// Sets the harmonics to those with the integrals `sums` of products with the basis functions.
+    fn set(&mut self, sums: &Sh9) {
+        self.sh = core::array::from_fn(|i| {
+            let mut c = [0.0; 3];
+            self.inverse[i].iter().zip(sums).for_each(|(g, sum)| color::add(&mut c, sum.map(|s| s * g)));
+            c
+        });
+        let y = self.sh.map(luminance);
+        let quads = self.domain.quads(self.order);
+        for (level, direction) in self.level.iter_mut().zip(&self.directions).take(quads) {
+            *level = y.iter().zip(harmonics::basis(*direction)).map(|(c, b)| c * b).sum();
+        }
+    }
+
+    /// Adds the part of degree 1 and 2 of the excess that `lights`, read as discs, do not represent; returns the correction. With the
+    /// `last` correction, that of a scene at rest, the correction follows the difference by [`FOLLOWED`].
+    ///
+    /// Irradiance contains little light of higher degrees [Ramamoorthi and Hanrahan 2001], so that the correction removes most of the
+    /// error of few discs. The energy of the ambient light does not change.
+    pub(super) fn complete(&mut self, lights: &[Light], last: Option<Sh9>) -> Sh9 {
+        let mut missing = [[0.0; 3]; 9];
+        for ipix in 0..self.domain.quads(self.order) {
+            let quad = &self.excess[at(self.order, ipix)];
+            if let Some(direction) = root::unit(quad.mean_direction()) {
+                // A disc of the mean resultant length r = (1 + cos a) / 2 has (1 + cos a) cos a / 2 = 2 r^2 - r in degree 2.
+                let r = quad.mean_direction().dot(direction);
+                project(&mut missing, direction, [r, r * (2.0 * r - 1.0)], quad.rgb());
+            }
+        }
+        for light in lights {
+            let cos = libm::cosf(light.radius_deg.to_radians());
+            let r = 0.5 + 0.5 * cos;
+            project(&mut missing, light.direction, [r, r * cos], light.irradiance.map(|v| -v));
+        }
+        if let Some(last) = last {
+            for (new, old) in missing.iter_mut().flatten().zip(last.iter().flatten()) {
+                *new = old + FOLLOWED * (*new - old);
+            }
+        }
+        let mut sums = self.kept;
+        sums.iter_mut().zip(missing).for_each(|(sum, more)| color::add(sum, more));
+        self.set(&sums);
+        missing
     }
 
     /// Returns the order at which light is compared with the ceiling.
@@ -192,6 +239,15 @@ impl Ambient {
             let kept = map.quad(self.order, ipix as u32).y() - self.excess[at(self.order, ipix)].y();
             QuadResidual { direction: self.directions[ipix], y: kept - fit }
         })
+    }
+}
+
+/// Adds to `sums` the products of the light `rgb` about `direction` with the basis functions of degree 1 and 2, of which the light has the
+/// fractions `bands`.
+fn project(sums: &mut Sh9, direction: Vec3, bands: [f32; 2], rgb: [f32; 3]) {
+    for (k, (sum, value)) in sums.iter_mut().zip(harmonics::basis(direction)).enumerate().skip(1) {
+        let band = bands[usize::from(k > 3)];
+        color::add(sum, rgb.map(|v| v * value * band));
     }
 }
 
@@ -249,9 +305,63 @@ fn inverse(mut m: [[f64; 9]; 9]) -> [[f64; 9]; 9] {
 
 #[cfg(test)]
 mod tests {
-    use super::{Ambient, USUAL};
+    use super::{Ambient, FOLLOWED, USUAL};
+    use crate::harmonics;
     use crate::healpix::{self, Domain, Order};
+    use crate::light::Light;
     use crate::pyramid::{Pyramid, Quad, pyramid_len};
+    use glam::Vec3;
+
+    /// Light of two discs under a ceiling: the harmonics of degree 1 and 2 and one disc of another direction have the sum of the two discs.
+    #[test]
+    fn completed_harmonics_and_discs_have_the_moments_of_the_map() {
+        const ORDER: u8 = 4;
+        let quads = [Quad::default(); pyramid_len(Domain::Sphere, Order::saturating(ORDER))];
+        let mut map = Pyramid::try_new(quads, Domain::Sphere, Order::saturating(ORDER)).expect("room enough");
+        let texels =
+            || (0..Domain::Sphere.quads(ORDER)).map(|ipix| healpix::centre(ORDER, ipix as u32).as_vec3());
+        let light = |d: Vec3| {
+            if d.x > 0.95 {
+                9.0
+            } else if d.z > 0.9 {
+                4.0
+            } else {
+                0.05
+            }
+        };
+        for (quad, d) in map.texels_mut().iter_mut().zip(texels()) {
+            *quad = Quad::from_light([light(d), 2.0 * light(d), light(d)], d);
+        }
+        map.build();
+        let mut ambient = Ambient::new();
+        ambient.prepare(Domain::Sphere, ORDER);
+        ambient.fit(&map.view(), USUAL);
+        let excess = ambient.excess(&map.view(), 0, 0);
+        let whole = (1..12).fold(excess, |mut sum, face| {
+            sum.add(&ambient.excess(&map.view(), 0, face));
+            sum
+        });
+        let direction = Vec3::new(1.0, 0.2, 0.7).normalize();
+        let disc = Light { direction, irradiance: whole.rgb(), radius_deg: 30.0, ..Light::default() };
+        let before = ambient.harmonics()[0];
+        ambient.complete(&[disc], None);
+        assert!((ambient.harmonics()[0][0] / before[0] - 1.0).abs() < 1e-6, "energy");
+        // The mean of a basis function of degree 1 and 2 over a disc: (1 + cos r) / 2 and cos r (1 + cos r) / 2 times its value.
+        let (one, two) = (0.933_012_7f32, 0.808_012_7);
+        for (k, found) in ambient.harmonics().iter().enumerate().skip(1) {
+            let band = if k > 3 { two } else { one };
+            let expected: f32 = texels().map(|d| light(d) * harmonics::basis(d)[k]).sum();
+            let found = found[0] + disc.irradiance[0] * band * harmonics::basis(direction)[k];
+            let tolerance = 0.01 * map.view().total().rgb()[0];
+            assert!((found - expected).abs() < tolerance, "{k}: {found}, expected {expected}");
+        }
+        // In a scene at rest, a correction is followed slowly.
+        let all = ambient.complete(&[disc], None);
+        let slow = ambient.complete(&[disc], Some([[0.0; 3]; 9]));
+        assert!(
+            slow.iter().flatten().zip(all.iter().flatten()).all(|(s, a)| (s - FOLLOWED * a).abs() < 1e-5)
+        );
+    }
 
     #[test]
     fn the_excess_has_the_same_sum_at_every_order() {

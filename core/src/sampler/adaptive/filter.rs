@@ -86,7 +86,7 @@ pub(super) enum Regions {
 
 /// Returns the identifier of the region of one of `lights` lights.
 fn region(lights: usize, leaf: &Leaf) -> u8 {
-    if lights <= super::GATHERED { GATHERED + lights as u8 } else { leaf.level }
+    if lights <= super::GATHERED_POINTS { GATHERED + lights as u8 } else { leaf.level }
 }
 
 /// Compares the regions of the lights with those of the last frame.

@@ -72,6 +72,16 @@ impl MeanVector {
         Self { half: quad.first_moment() * (0.5 / quad.y()), spread: variance * (2.0 - variance) * 0.25 }
     }
 
+    /// Returns the mean vector of the light of this mean vector and of `other`, which has the fraction `share` of the energy of both.
+    pub(super) fn mixed(&self, other: &Self, share: f32) -> Self {
+        let apart = other.half - self.half;
+        let spread = self.spread + share * (other.spread - self.spread);
+        Self {
+            half: self.half + apart * share,
+            spread: spread + share * (1.0 - share) * apart.length_squared(),
+        }
+    }
+
     fn shorter(at: Vec3, by: f32) -> Self {
         Self { half: at * (0.5 - 0.5 * by), spread: by * (2.0 - by) * 0.25 }
     }
@@ -155,6 +165,17 @@ mod tests {
             let g = PI * f64::from(i) / 90.0;
             let off = f64::from(kernel((0.5 - 0.5 * libm::cos(g)) as f32)) - twin(g) / whole;
             assert!(libm::fabs(off) < 0.005, "at {g}: off by {off}");
+        }
+    }
+
+    #[test]
+    fn mixed_vectors_keep_moment_and_spread() {
+        let (a, b) = (MeanVector::of_disc(Vec3::Z, 0.3), MeanVector::of_disc(Vec3::X, 0.5));
+        for share in [0.0, 0.25, 0.9, 1.0] {
+            let mixed = a.mixed(&b, share);
+            assert!(mixed.half.distance(a.half * (1.0 - share) + b.half * share) < 1e-6, "{share}");
+            let expected = 0.25 - mixed.half.length_squared();
+            assert!((mixed.spread - expected).abs() < 1e-6, "{share}: {}, expected {expected}", mixed.spread);
         }
     }
 

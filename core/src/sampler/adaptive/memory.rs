@@ -1,6 +1,6 @@
 //! The buffers that the caller lends to [`super::Adaptive`].
 
-use super::{activity, ambient, cut, filter, nodes, receivers, source, tree, weights};
+use super::{activity, ambient, cut, filter, gather, nodes, receivers, source, tree, weights};
 use crate::healpix::{Domain, Order};
 use crate::light::Light;
 use crate::sizes::BufferSize;
@@ -10,6 +10,7 @@ use crate::sizes::BufferSize;
 #[derive(Clone, Debug)]
 pub struct Workspace {
     pub(super) ambient: ambient::Ambient,
+    pub(super) gather: gather::Gather,
     pub(super) sources: source::Sources,
     pub(super) fit: weights::Fit,
     pub(super) receivers: receivers::Receivers,
@@ -23,6 +24,7 @@ impl Workspace {
     pub const fn new() -> Self {
         Self {
             ambient: ambient::Ambient::new(),
+            gather: gather::Gather::new(),
             sources: source::Sources::new(),
             fit: weights::Fit::new(),
             receivers: receivers::Receivers::new(),
@@ -34,6 +36,7 @@ impl Workspace {
     /// Prepares the workspace for maps of `domain` up to `order`.
     pub(super) fn prepare(&mut self, domain: Domain, order: Order) {
         self.ambient.prepare(domain, order.get());
+        self.gather.reset();
         self.receivers.prepare();
         self.cut = cut::Cut::new();
         self.activity.reset();

@@ -2,11 +2,13 @@
 //! method of this project.
 //!
 //! 1. `ambient`, if requested: fits spherical harmonics to the light without a dominant direction; the other stages represent the excess.
+//!    `ceiling` selects the height of the excess. Beside discs, the harmonics finally take what the discs do not represent of degree 1 and 2.
 //! 2. `count`: with a tolerance, selects the fewest lights that reach it; hysteresis keeps their number from oscillating.
 //! 3. `tree` over `nodes`: splits a binary tree best-first by Y (1 - |m|)^(3/8), which is nearly the shadowed error of one light. Each
 //!    split adds one light, so every number of lights is reached, down to one.
-//! 4. `gather`: moves up to eight lights to the centroids of the light nearest to them; in larger sets the error decreases little and the
-//!    lights flicker. `discs`: for discs, the importance is the error of a disc, and the discs of small sets move to reduce their error.
+//! 4. `gather`: moves up to eight points or sixteen discs to the centroids of the light nearest to them; in larger sets the error decreases
+//!    little and the lights flicker. `discs`: for discs, the importance is the error of a disc, and the discs of small sets move to reduce
+//!    their error.
 //! 5. `filter`: smooths directions against noise; a light that moves or jumps is followed without delay. After a `cut`, a frame that does
 //!    not continue the last frame, all filters are reset.
 //! 6. `weights`: sets the energies of up to 64 lights to the least expected squared error of irradiance over receivers with random
@@ -17,6 +19,7 @@
 
 mod activity;
 mod ambient;
+mod ceiling;
 mod count;
 mod cut;
 mod discs;
@@ -37,7 +40,7 @@ mod weights;
 use super::{Map, Request, Sampler, SamplerKind, Timer};
 use crate::buffer::{self, Buffer, TooSmall};
 use crate::healpix::{Domain, Order};
-use crate::light::{Decomposition, Light};
+use crate::light::{Decomposition, Light, Sh9};
 use crate::pyramid::PyramidView;
 use core::borrow::BorrowMut;
 pub use filter::LightFilter;
@@ -51,14 +54,12 @@ use tree::{Growth, Tree};
 /// Largest number of lights for which the weights are fitted.
 const FITTED: usize = 64;
 
-/// Largest number of lights that the stage `gather` moves.
-const GATHERED: usize = 8;
+/// Largest number of points, and of discs, that the stage `gather` moves.
+const GATHERED_POINTS: usize = 8;
+const GATHERED_DISCS: usize = 16;
 
 /// Number of frames between two searches for the ceiling of the ambient light.
 const REST: u32 = 32;
-
-/// Ratio of the error under another ceiling to the error under the ceiling in use, below which the other ceiling replaces it.
-const BETTER: f32 = 0.95;
 
 /// The `adaptive` sampler, over the buffers of [`Memory`].
 ///
@@ -104,6 +105,8 @@ pub struct Adaptive<B, H, L, T, W> {
     evaluated: Option<usize>,
     /// Whether the lights of the last frame were discs.
     soft: bool,
+    /// Index of the ceiling of the last frame, and the correction of its ambient light divided by the luminance of its map; `None` without a correction.
+    correction: Option<(usize, Sh9)>,
     workspace: W,
 }
 
@@ -130,6 +133,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
             wanted: count::Count::default(),
             evaluated: None,
             soft: false,
+            correction: None,
             workspace,
         };
         new.reset();
@@ -150,6 +154,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
             self.reset();
         }
         let moving = self.workspace.borrow_mut().activity.update(map);
+        self.workspace.borrow_mut().gather.advance();
         let previous = self.count;
         self.lights.swap(0, 1);
         self.tracks.swap(0, 1);
@@ -175,6 +180,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
         timer.measure(|| filter::settle(lights, tracks, quiet));
         let nodes = Nodes::new(map, request.ambient.then_some(&self.workspace.borrow().ambient));
         weights::keep_energy(lights, nodes.quad(0, 0).rgb());
+        self.complete(map, request, quiet);
         let anew = self.evaluated != Some(count);
         self.evaluated = Some(count);
         let error = self.error(map, request, anew);
@@ -203,7 +209,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
                 filter::move_again(lights, past);
             } else {
                 let Workspace { sources, fit, .. } = self.workspace.borrow_mut();
-                discs::steer(fit, sources.as_slice(), lights);
+                discs::steer(fit, sources.as_slice(), discs::group(lights.len(), request.ambient), lights);
             }
             moves.iter_mut().zip(lights.iter()).for_each(|(by, light)| *by += light.direction);
         }
@@ -217,47 +223,9 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
         quiet
     }
 
-    /// Returns the estimated error of at most `limit` lights; with ambient light, under the ceiling of least error, which is stored.
-    fn trial(&mut self, map: &PyramidView<'_>, request: &Request, limit: usize) -> f32 {
-        if !request.ambient || limit == 0 {
-            return self.evaluate(map, request, limit, ambient::ALL);
-        }
-        // The search goes from the usual ceiling up or down while the error decreases. The ceiling without excess is tried too, so that the
-        // error of a few lights never exceeds the error of ambient light alone.
-        let mut best = (self.evaluate(map, request, limit, ambient::USUAL), ambient::USUAL);
-        for ceilings in [ambient::HIGHER, ambient::LOWER, &[ambient::ALL]] {
-            for ceiling in ceilings {
-                let error = self.evaluate(map, request, limit, *ceiling);
-                if error >= best.0 {
-                    break;
-                }
-                best = (error, *ceiling);
-            }
-        }
-        let now = self.evaluate(map, request, limit, self.ceiling.0);
-        if now <= best.0 / BETTER {
-            return now;
-        }
-        self.ceiling.0 = best.1;
-        best.0
-    }
-
-    /// Returns the estimated error of at most `limit` lights under the ceiling with the index `ceiling`, over all receivers.
-    fn evaluate(&mut self, map: &PyramidView<'_>, request: &Request, limit: usize, ceiling: usize) -> f32 {
-        self.place(map, request, limit, ceiling);
-        if request.soft {
-            let Workspace { sources, fit, .. } = self.workspace.borrow_mut();
-            let lights = &mut self.lights[0].as_mut()[..self.count];
-            discs::steer(fit, sources.as_slice(), lights);
-        }
-        self.weigh(map, request);
-        self.evaluated = None;
-        self.error(map, request, true)
-    }
-
     /// Computes the regions and directions of at most `limit` lights, under the ceiling with the index `ceiling`.
     fn place(&mut self, map: &PyramidView<'_>, request: &Request, limit: usize, ceiling: usize) {
-        let Workspace { ambient, activity, sources, .. } = self.workspace.borrow_mut();
+        let Workspace { ambient, activity, gather, sources, .. } = self.workspace.borrow_mut();
         if request.ambient {
             ambient.fit(map, if limit == 0 { ambient::ALL } else { ceiling });
         }
@@ -265,12 +233,18 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
         self.tree.grow(&nodes, activity, &Growth { limit, soft: request.soft });
         self.count = self.tree.emit(&nodes, &mut self.lights[0].as_mut()[..limit]);
         let lights = &mut self.lights[0].as_mut()[..self.count];
-        if self.count <= GATHERED {
-            gather::gather(&nodes, self.tree.leaves(), lights);
+        let leaves = self.tree.leaves();
+        let gathered = gather::applies(self.count, request.soft);
+        if gathered {
+            gather.run(&nodes, leaves, lights);
         }
         if request.soft {
-            discs::set_radii(lights);
-            sources.fill(&nodes, self.tree.leaves(), lights, true);
+            discs::set_radii(lights, request.ambient);
+            if gathered {
+                sources.fill(gather.disc_pieces(&nodes, leaves, self.count), lights, false);
+            } else {
+                sources.fill(source::pieces(&nodes, leaves, self.count, true), lights, false);
+            }
         }
     }
 
@@ -281,11 +255,12 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
         let lights = &mut self.lights[0].as_mut()[..self.count];
         // The sources of discs do not depend on the lights' directions: `place` made them.
         if !request.soft {
-            sources.fill(&nodes, self.tree.leaves(), lights, false);
+            let pieces = source::pieces(&nodes, self.tree.leaves(), lights.len(), false);
+            sources.fill(pieces, lights, gather::applies(lights.len(), false));
         }
         if (2..=FITTED).contains(&self.count) {
             if request.soft {
-                fit.run_discs(sources.as_slice(), lights);
+                fit.run_discs(sources.as_slice(), discs::group(lights.len(), request.ambient), lights);
             } else {
                 fit.run(sources.as_slice(), lights);
             }
@@ -353,6 +328,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
         self.count = 0;
         self.evaluated = None;
         self.workspace.borrow_mut().activity.reset();
+        self.workspace.borrow_mut().gather.reset();
         self.ceiling = (ambient::USUAL, 0);
         self.wanted.reset();
         self.tree.reset();

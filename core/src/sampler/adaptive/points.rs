@@ -123,10 +123,8 @@ impl<const N: usize> Points<N> {
         let (squares, tangents) = (&mut squares[..n], &mut tangents[..n]);
         let (kernels, slopes) = (&mut kernels[..n], &mut slopes[..n]);
         for i in 0..n {
-            let [x, y, z] =
-                [xs[i].wrapping_sub(x), ys[i].wrapping_sub(y), zs[i].wrapping_sub(z)].map(i32::from);
-            let square = (x * x + y * y).wrapping_add(z * z).wrapping_add(spreads[i].wrapping_add(spread));
-            squares[i] = table::limited(square);
+            let square = square([xs[i].wrapping_sub(x), ys[i].wrapping_sub(y), zs[i].wrapping_sub(z)]);
+            squares[i] = table::limited(square.wrapping_add(spreads[i].wrapping_add(spread)));
             tangents[i] = table::index(squares[i]);
         }
         // The lookup is a loop of its own, since it does not vectorise.
@@ -136,6 +134,19 @@ impl<const N: usize> Points<N> {
         for i in 0..n {
             kernels[i] = table::kernel(tangents[i], squares[i]);
             slopes[i] = table::slope(tangents[i]);
+        }
+    }
+
+    /// Replaces numbers of `least` by the squared distance of their point to `at`, whose bits in `mask` are replaced by `index`, where that
+    /// is less.
+    pub(super) fn approach(&self, at: &Point, index: i32, mask: i32, least: &mut [i32; N]) {
+        let n = self.padded();
+        let [xs, ys, zs] = &self.halves;
+        let (xs, ys, zs, least) = (&xs[..n], &ys[..n], &zs[..n], &mut least[..n]);
+        let [x, y, z] = at.half;
+        for i in 0..n {
+            let square = square([xs[i].wrapping_sub(x), ys[i].wrapping_sub(y), zs[i].wrapping_sub(z)]);
+            least[i] = least[i].min(square & !mask | index);
         }
     }
 
@@ -169,6 +180,13 @@ impl<const N: usize> Points<N> {
         let [xs, ys, zs] = &self.halves;
         [sum(xs, at.half[0]), sum(ys, at.half[1]), sum(zs, at.half[2])]
     }
+}
+
+/// Returns the squared length of a difference of half mean vectors, with [`table::SQUARE_BITS`] fractional bits.
+#[inline(always)]
+fn square(difference: [i16; 3]) -> i32 {
+    let [x, y, z] = difference.map(i32::from);
+    (x * x + y * y).wrapping_add(z * z)
 }
 
 #[cfg(test)]

@@ -2,8 +2,8 @@
 //!
 //! Each source is a part of a leaf, so that a bright small region and a dim large region get equal numbers of sources.
 
-use super::GATHERED;
 use super::nodes::{Leaf, Nodes};
+use super::{GATHERED_DISCS, GATHERED_POINTS};
 use crate::light::Light;
 use crate::pyramid::Quad;
 use crate::root;
@@ -18,7 +18,7 @@ pub(super) const FITTED_SOURCES: usize = SOURCES / 4;
 
 /// Numbers of lights with which each light has fewer sources as a disc than as a point: in this range, more sources do not make discs more
 /// accurate.
-const HALVED: RangeInclusive<usize> = GATHERED + 1..=16;
+const HALVED: RangeInclusive<usize> = GATHERED_POINTS + 1..=GATHERED_DISCS;
 
 /// Returns the number of levels of the tree between a leaf and its sources: 256 sources in all for sets with fitted weights, whose cost
 /// grows with them, 128 for a few discs, and up to [`SOURCES`] for larger sets.
@@ -29,6 +29,26 @@ fn levels(lights: usize, soft: bool) -> u8 {
         _ => SOURCES,
     };
     (most / lights.max(1)).checked_ilog2().unwrap_or(0) as u8
+}
+
+/// Number of levels between the leaves of a set and their pieces.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Depth {
+    levels: u8,
+    /// Level of the texels, below which there are no pieces.
+    last: u8,
+}
+
+impl Depth {
+    /// Returns the depth of the pieces of `lights` lights, which are fitted as discs if they are `soft`.
+    pub(super) fn of(nodes: &Nodes<'_>, lights: usize, soft: bool) -> Self {
+        Self { levels: levels(lights, soft), last: nodes.last() }
+    }
+
+    /// Returns the number of levels between `leaf` and its pieces; the number of its pieces is 2 to this power.
+    pub(super) fn below(&self, leaf: &Leaf) -> u8 {
+        self.levels.min(self.last.saturating_sub(leaf.level))
+    }
 }
 
 /// A descendant in the tree of a leaf.
@@ -46,9 +66,9 @@ pub(super) fn pieces<'a>(
     lights: usize,
     soft: bool,
 ) -> impl Iterator<Item = Piece> {
-    let down = levels(lights, soft);
+    let depth = Depth::of(nodes, lights, soft);
     leaves.iter().enumerate().take(lights).flat_map(move |(owner, leaf)| {
-        let down = down.min(nodes.last() - leaf.level);
+        let down = depth.below(leaf);
         let under = leaf.index << down..(leaf.index + 1) << down;
         under.map(move |index| Piece { leaf: owner, quad: nodes.quad(leaf.level + down, index) })
     })
@@ -82,15 +102,15 @@ impl Sources {
         &self.all
     }
 
-    /// Replaces the sources by the sources of `lights`, whose regions are `leaves` or, for few lights, gathered; empty for more than [`SOURCES`]
-    /// lights. The fit of `soft` lights does not use the owners, which are the leaves' indices then.
-    pub(super) fn fill(&mut self, nodes: &Nodes<'_>, leaves: &[Leaf], lights: &[Light], soft: bool) {
+    /// Replaces the sources by the `pieces` of `lights`; empty for more than [`SOURCES`] lights. If `nearest`, the owner of a source is the
+    /// nearest light instead of that of its leaf.
+    pub(super) fn fill(&mut self, pieces: impl Iterator<Item = Piece>, lights: &[Light], nearest: bool) {
         self.all.clear();
         if lights.len() > SOURCES {
             return;
         }
-        for Piece { leaf, quad } in pieces(nodes, leaves, lights.len(), soft) {
-            let owner = if lights.len() <= GATHERED && !soft { nearest(lights, &quad) } else { leaf };
+        for Piece { leaf, quad } in pieces {
+            let owner = if nearest { nearest_light(lights, &quad) } else { leaf };
             if let Some(at) = root::unit(quad.mean_direction()) {
                 let radius = disc(quad.variance());
                 // There are at most `SOURCES` pieces; further ones would be ignored.
@@ -106,7 +126,7 @@ fn disc(variance: f32) -> f32 {
 }
 
 /// Returns the index of the light whose direction is nearest to the quad's centroid.
-pub(super) fn nearest(lights: &[Light], quad: &Quad) -> usize {
+fn nearest_light(lights: &[Light], quad: &Quad) -> usize {
     let moment = quad.first_moment();
     let mut best = (f32::NEG_INFINITY, 0);
     for (i, light) in lights.iter().enumerate() {

@@ -42,6 +42,8 @@ pub(super) struct Fit {
     /// The kernel between one light and each source, and between one light and each light.
     to_sources: Kernels<FITTED_SOURCES>,
     to_lights: Kernels<FITTED>,
+    /// Luminance of each source.
+    energies: [f32; FITTED_SOURCES],
     /// Luminance of all sources, the unit of the energies of `sources` and `lights`.
     total: f32,
     /// The residual, later the corrections.
@@ -61,6 +63,7 @@ impl Fit {
             lights: Points::new(),
             to_sources: Kernels::new(),
             to_lights: Kernels::new(),
+            energies: [0.0; FITTED_SOURCES],
             total: 0.0,
             corrections: row,
             ones: row,
@@ -72,7 +75,7 @@ impl Fit {
     pub(super) fn run(&mut self, sources: &[Source], lights: &mut [Light]) {
         let n = lights.len().min(FITTED);
         let lights = &mut lights[..n];
-        self.represent(sources, |source| MeanVector::of_point(source.at));
+        self.represent(sources.iter().map(|source| (MeanVector::of_point(source.at), source.y)));
         self.place(lights, |light| MeanVector::of_point(light.direction));
         // The residual is that of lights with the energies of the sources that they represent.
         let own = &mut self.corrections[..n];
@@ -87,16 +90,22 @@ impl Fit {
         self.finish(lights, RIDGE, MOST);
     }
 
-    /// Changes the energies of the discs that represent `sources`, which count as discs too, to the least expected error.
-    pub(super) fn run_discs(&mut self, sources: &[Source], lights: &mut [Light]) {
-        self.represent(sources, |source| MeanVector::of_disc(source.at, source.radius));
+    /// Changes the energies of the discs that represent `sources`, of which `group` together count as one disc, to the least expected error.
+    pub(super) fn run_discs(&mut self, sources: &[Source], group: usize, lights: &mut [Light]) {
+        self.represent_discs(sources, group);
         self.fit_discs(lights, false);
     }
 
-    /// Moves the discs that represent `sources` by `steps` steps down the gradient of the error in the norm of the kernel, each with the energies of
-    /// least expected error.
-    pub(super) fn move_discs(&mut self, sources: &[Source], lights: &mut [Light], steps: usize) {
-        self.represent(sources, |source| MeanVector::of_disc(source.at, source.radius));
+    /// Moves the discs that represent `sources`, of which `group` together count as one disc, by `steps` steps down the gradient of the error in the
+    /// norm of the kernel, each with the energies of least expected error.
+    pub(super) fn move_discs(
+        &mut self,
+        sources: &[Source],
+        group: usize,
+        lights: &mut [Light],
+        steps: usize,
+    ) {
+        self.represent_discs(sources, group);
         for _ in 0..steps {
             self.fit_discs(lights, true);
             for (light, pull) in lights.iter_mut().zip(&self.pulls) {
@@ -123,12 +132,29 @@ impl Fit {
         }
     }
 
-    /// Replaces the sources; `vector` returns the mean vector of a source.
-    fn represent(&mut self, sources: &[Source], vector: impl Fn(&Source) -> MeanVector) {
-        self.total = sources.iter().map(|source| source.y).sum::<f32>().max(f32::MIN_POSITIVE);
+    /// Replaces the sources by `sources`, of which `group` of the same leaf together count as one disc.
+    fn represent_discs(&mut self, sources: &[Source], group: usize) {
+        let groups =
+            sources.chunk_by(|a, b| a.owner == b.owner).flat_map(move |own| own.chunks(group.max(1)));
+        self.represent(groups.map(|group| {
+            let mut discs = group.iter().map(|s| (MeanVector::of_disc(s.at, s.radius), s.y));
+            let first = discs.next().unwrap_or_default();
+            discs.fold(first, |(a, y), (b, more)| (a.mixed(&b, more / (y + more)), y + more))
+        }));
+    }
+
+    /// Replaces the sources by those with the mean vectors and energies in `sources`.
+    fn represent(&mut self, sources: impl Iterator<Item = (MeanVector, f32)>) {
         self.sources.clear();
-        sources.iter().for_each(|source| self.sources.push(&Point::new(&vector(source))));
-        self.sources.set_shares(sources.iter().map(|source| source.y / self.total));
+        let mut n = 0;
+        for ((vector, y), energy) in sources.zip(&mut self.energies) {
+            self.sources.push(&Point::new(&vector));
+            *energy = y;
+            n += 1;
+        }
+        let energies = &self.energies[..n];
+        self.total = energies.iter().sum::<f32>().max(f32::MIN_POSITIVE);
+        self.sources.set_shares(energies.iter().map(|y| y / self.total));
     }
 
     /// Replaces the lights and computes the matrix; `vector` returns the mean vector of a light.
