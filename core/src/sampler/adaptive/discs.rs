@@ -41,8 +41,10 @@ const DOWN: u8 = 2;
 /// Weight in the error of a disc of the spread within the parts of a node, which are compared as whole discs.
 const SPREAD: f32 = 0.05;
 
-/// Number of parts of all discs together in the error estimate of a set with fitted weights; larger sets have as many parts as sources.
+/// Number of parts of all discs together in the error estimate of a set with fitted weights, and beside ambient light, whose own light is the
+/// larger part of the estimate; sets of more lights have as many parts as sources.
 const PARTS: usize = 256;
+const PARTS_BESIDE_AMBIENT: usize = 128;
 
 /// Least and largest number of parts into which the estimate divides one disc of a set with fitted weights.
 const EACH: (usize, usize) = (8, 16);
@@ -125,9 +127,9 @@ pub(super) struct DiscPart {
 ///
 /// The parts form pairs on opposite sides of the centre, and each pair is rotated by the golden angle from the last, so that their mean is
 /// the centre of the disc.
-pub(super) fn parts(light: &Light, lights: usize) -> impl Iterator<Item = DiscPart> {
-    let each =
-        if lights <= FITTED { (PARTS / lights.max(1)).clamp(EACH.0, EACH.1) } else { SOURCES / lights };
+pub(super) fn parts(light: &Light, lights: usize, beside_ambient: bool) -> impl Iterator<Item = DiscPart> {
+    let most = if beside_ambient { PARTS_BESIDE_AMBIENT } else { PARTS };
+    let each = if lights <= FITTED { (most / lights.max(1)).clamp(EACH.0, EACH.1) } else { SOURCES / lights };
     let count = if each < FEWEST_PARTS { 1.0 } else { (each & !1) as f32 };
     let radius = light.radius_deg.to_radians();
     let height = 1.0 - libm::cosf(radius);

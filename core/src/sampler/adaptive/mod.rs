@@ -283,7 +283,7 @@ impl<B: Buffer<u8>, H: Buffer<Leaf>, L: Buffer<Light>, T: Buffer<LightFilter>, W
         for light in lights {
             let share = -crate::color::luminance(light.irradiance) * whole;
             if request.soft {
-                discs::parts(light, lights.len())
+                discs::parts(light, lights.len(), request.ambient)
                     .for_each(|part| receivers.add(part.at, part.radius, share * part.share));
             } else {
                 receivers.add(light.direction, 0.0, share);
