@@ -9,7 +9,7 @@
 
 use super::kernel::{MeanVector, kernel};
 use super::nodes::Nodes;
-use super::source::{SOURCES, Source};
+use super::source::{HALVED, SOURCES, Source};
 use super::weights::Fit;
 use super::{FITTED, GATHERED_DISCS};
 use crate::light::Light;
@@ -41,8 +41,8 @@ const DOWN: u8 = 2;
 /// Weight in the error of a disc of the spread within the parts of a node, which are compared as whole discs.
 const SPREAD: f32 = 0.05;
 
-/// Number of parts of all discs together in the error estimate of a set with fitted weights, and beside ambient light, whose own light is the
-/// larger part of the estimate; sets of more lights have as many parts as sources.
+/// Number of parts of all discs together in the error estimate of a set with fitted weights, and beside ambient light: with more parts there,
+/// the search would select ceilings under which lights flicker more. Sets of more lights have as many parts as sources.
 const PARTS: usize = 256;
 const PARTS_BESIDE_AMBIENT: usize = 128;
 
@@ -66,10 +66,10 @@ fn steps(lights: usize) -> usize {
     }
 }
 
-/// Returns the number of sources that count as one disc in the fit of `lights` discs: pairs halve the time and raise the error by 1 to 4 %.
+/// Returns the number of sources that count as one disc in the fit of `lights` discs: pairs halve the time and raise the error by 2 to 4 %.
 /// Beside ambient light, whose computation takes more time, they would increase the flicker.
 pub(super) fn group(lights: usize, beside_ambient: bool) -> usize {
-    if (FEW + 1..=GATHERED_DISCS).contains(&lights) && !beside_ambient { 2 } else { 1 }
+    if HALVED.contains(&lights) && !beside_ambient { 2 } else { 1 }
 }
 
 /// Sets the radii of discs that represent the lights' regions, `beside_ambient` light or alone.

@@ -14,6 +14,8 @@ use crate::light::Light;
 use crate::pyramid::Quad;
 use crate::root;
 
+const _: () = assert!(GATHERED_DISCS.is_power_of_two(), "an index of a light fills whole bits");
+
 /// Number of Lloyd steps from the tree's lights: the error is within 2 % of convergence after four.
 const STEPS: usize = 4;
 

@@ -5,7 +5,7 @@ use crate::healpix::{Domain, Order};
 use crate::light::Light;
 use crate::sizes::BufferSize;
 
-/// Intermediate results of a fixed size, about 160 KB for any number of lights: the sources that approximate the map, the matrix of the
+/// Intermediate results of a fixed size, about 180 KB for any number of lights: the sources that approximate the map, the matrix of the
 /// weights, the receivers of the estimate, the ambient light and the state of the last frames.
 #[derive(Clone, Debug)]
 pub struct Workspace {
@@ -92,5 +92,17 @@ impl Sizes {
             BufferSize::of::<filter::LightFilter>("sampler: tracks", self.lights.saturating_mul(2)),
             BufferSize::of::<Workspace>("sampler: work", 1),
         ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Workspace;
+
+    /// The documentation of [`Workspace`] states its size.
+    #[test]
+    fn the_workspace_has_the_stated_size() {
+        let kilobytes = size_of::<Workspace>() as f64 / 1000.0;
+        assert!((kilobytes - 180.0).abs() < 5.0, "{kilobytes} KB");
     }
 }

@@ -18,7 +18,7 @@ pub(super) const FITTED_SOURCES: usize = SOURCES / 4;
 
 /// Numbers of lights with which each light has fewer sources as a disc than as a point: in this range, more sources do not make discs more
 /// accurate.
-const HALVED: RangeInclusive<usize> = GATHERED_POINTS + 1..=GATHERED_DISCS;
+pub(super) const HALVED: RangeInclusive<usize> = GATHERED_POINTS + 1..=GATHERED_DISCS;
 
 /// Returns the number of levels of the tree between a leaf and its sources: 256 sources in all for sets with fitted weights, whose cost
 /// grows with them, 128 for a few discs, and up to [`SOURCES`] for larger sets.
